@@ -1,0 +1,41 @@
+# make demo and make test need Python 3.11+, git and make; everything else is installed into .venv.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+BENCH_STAMP := $(VENV)/.bench-installed
+export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
+
+.PHONY: install demo test test-external lint bench clean
+
+install: $(STAMP)
+
+$(STAMP): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+$(BENCH_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	touch $@
+
+demo: $(STAMP)
+	$(BIN)/mavsentry demo --out demo-out
+
+lint: $(STAMP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: $(STAMP) lint
+	$(BIN)/pytest -m 'not external'
+
+test-external: $(STAMP)
+	$(BIN)/pytest -m external
+
+bench: $(BENCH_STAMP)
+	$(BIN)/mavsentry bench --json bench.json
+
+clean:
+	rm -rf $(VENV) build dist demo-out bench.json

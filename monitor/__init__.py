@@ -1,0 +1,1 @@
+"""From sample batches to verdicts: pipeline, watches, daemon, log analysis, command line."""

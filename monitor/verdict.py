@@ -1,0 +1,121 @@
+"""What a watch says: verdicts on sensors and the estimates behind them.
+
+A :class:`Verdict` is a *change of state* of one sensor. A sensor keeps its state until the next
+verdict on it. Estimates are structured arrays with the unit in every field name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import nan
+from typing import Protocol
+
+import numpy as np
+
+from links.samples import Rows
+from links.vocabulary import Kind, Reason, State
+
+__all__ = ["AIR_ESTIMATE", "IMU_ESTIMATE", "PHASE_ROW", "StepResult", "Verdict", "Watch"]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One sensor's change of state.
+
+    Attributes
+    ----------
+    t_us
+        Vehicle time at which the state was decided (for a fault: detection) [us].
+    sensor
+        ``"imu0.acc_x"``, ``"airspeed1"``, ``"aoa0"`` ... (DESIGN section 3).
+    state
+        The new state.
+    reason
+        Why it is unmonitored; None for every other state.
+    kind
+        Shape of the fault, when faulty.
+    onset_t_us
+        Estimated start of the fault [us], at most ``t_us``.
+    magnitude
+        Measured minus reconstructed at detection, in ``unit`` (SI, rad).
+    statistic, threshold
+        The test statistic and the threshold that it crossed, dimensionless unless the evidence says
+        otherwise.
+    estimator
+        Module of ``estimators`` that decided.
+    evidence
+        One sentence that a pilot understands.
+    """
+
+    t_us: int
+    sensor: str
+    state: State
+    reason: Reason | None = None
+    kind: Kind = Kind.UNKNOWN
+    onset_t_us: int | None = None
+    magnitude: float = nan
+    unit: str = ""
+    statistic: float = nan
+    threshold: float = nan
+    estimator: str = ""
+    evidence: str = ""
+
+
+AIR_ESTIMATE = np.dtype(
+    [
+        ("t_us", "<i8"),
+        ("cas_m_s", "<f8"),
+        ("cas_std_m_s", "<f8"),
+        ("tas_m_s", "<f8"),
+        ("tas_std_m_s", "<f8"),
+        ("aoa_rad", "<f8"),
+        ("aoa_std_rad", "<f8"),
+        ("ssa_rad", "<f8"),
+        ("ssa_std_rad", "<f8"),
+        ("wind_ned_m_s", "<f8", (3,)),
+        ("wind_std_ned_m_s", "<f8", (3,)),
+    ]
+)
+"""Estimates named ``air``; what is not observable is NaN."""
+
+IMU_ESTIMATE = np.dtype(
+    [
+        ("t_us", "<i8"),
+        ("acc_fault_m_s2", "<f8", (3,)),
+        ("acc_fault_std_m_s2", "<f8", (3,)),
+        ("gyro_fault_rad_s", "<f8", (3,)),
+        ("gyro_fault_std_rad_s", "<f8", (3,)),
+        ("acc_m_s2", "<f8", (3,)),
+        ("gyro_rad_s", "<f8", (3,)),
+    ]
+)
+"""Estimates named ``imu0`` ...: reconstructed faults, and specific force and rates freed of them."""
+
+PHASE_ROW = np.dtype([("seq", "<i8"), ("t_us", "<i8"), ("flying", "?")])
+"""Rows named ``phase``: the aircraft takes off to fly (True) or is no longer flying (False)."""
+
+
+@dataclass(slots=True)
+class StepResult:
+    """What one step of a watch gave: verdicts in time order and new estimate rows per name."""
+
+    verdicts: list[Verdict] = field(default_factory=list)
+    estimates: dict[str, Rows] = field(default_factory=dict)
+
+
+class Watch(Protocol):
+    """Watches one group of sensors.
+
+    ``step`` receives, per sensor name, the rows released since the last step, in (t_us, seq) order
+    and all with ``t_us < until_us``; ``phase`` rows come among them. The verdicts must be a function
+    of the concatenated rows alone: where a stream is cut into steps changes nothing, to the last
+    bit. ``t_us`` is the time at which the sample was *valid* (latency already taken off).
+    """
+
+    name: str
+    quantities: frozenset[str]
+
+    def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
+        """Use the newly released rows."""
+        ...
