@@ -1,4 +1,4 @@
-"""Rotation kernels against closed forms, each other, and scipy's rotations."""
+"""Rotation kernels against closed forms, the matrix exponential, and each other."""
 
 import math
 
