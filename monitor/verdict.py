@@ -90,7 +90,7 @@ IMU_ESTIMATE = np.dtype(
         ("gyro_rad_s", "<f8", (3,)),
     ]
 )
-"""Estimates named ``imu0`` ...: reconstructed faults, and specific force and rates freed of them."""
+"""Estimates named ``imu0`` ...: reconstructed faults; specific force and rates freed of them."""
 
 PHASE_ROW = np.dtype([("seq", "<i8"), ("t_us", "<i8"), ("flying", "?")])
 """Rows named ``phase``: the aircraft takes off to fly (True) or is no longer flying (False)."""
@@ -107,8 +107,8 @@ class StepResult:
 class Watch(Protocol):
     """Watches one group of sensors.
 
-    ``step`` receives, per sensor name, the rows released since the last step, in (t_us, seq) order
-    and all with ``t_us < until_us``; ``phase`` rows come among them. The verdicts must be a function
+    ``step`` receives, per sensor name, the rows released since the last step in (t_us, seq) order,
+    all with ``t_us < until_us``; ``phase`` rows come among them. The verdicts must be a function
     of the concatenated rows alone: where a stream is cut into steps changes nothing, to the last
     bit. ``t_us`` is the time at which the sample was *valid* (latency already taken off).
     """

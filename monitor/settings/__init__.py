@@ -1,0 +1,146 @@
+"""The configuration: validated once, a unit in every key, and where each value came from.
+
+Three layers, later ones win key by key: the defaults in the section classes, the profile of an
+airframe class (``monitor/profiles/*.toml``), and the user's own file.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError
+
+from monitor.settings.air import AirSettings
+from monitor.settings.base import Section
+from monitor.settings.imu import ImuSettings
+from monitor.settings.links import LinkSettings
+from monitor.settings.phase import PhaseSettings
+from monitor.settings.publish import PublishSettings
+from monitor.settings.recorder import RecorderSettings
+from monitor.settings.streams import StreamSettings
+from monitor.settings.triplex import TriplexSettings
+
+__all__ = ["DEFAULT_PROFILE", "PROFILES", "Settings", "SettingsError", "load", "origins"]
+
+PROFILES = ("small-uav", "light-aircraft", "transport")
+"""Bundled airframe classes; the first is the default."""
+DEFAULT_PROFILE = PROFILES[0]
+
+
+class SettingsError(ValueError):
+    """A configuration that cannot be used, in one plain sentence."""
+
+
+class Settings(Section):
+    """All of the configuration."""
+
+    profile: str = Field(DEFAULT_PROFILE, description="Airframe class whose values are the base.")
+    links: LinkSettings = Field(default_factory=LinkSettings)
+    streams: StreamSettings = Field(default_factory=StreamSettings)
+    phase: PhaseSettings = Field(default_factory=PhaseSettings)
+    imu: ImuSettings = Field(default_factory=ImuSettings)
+    air: AirSettings = Field(default_factory=AirSettings)
+    triplex: TriplexSettings = Field(default_factory=TriplexSettings)
+    publish: PublishSettings = Field(default_factory=PublishSettings)
+    recorder: RecorderSettings = Field(default_factory=RecorderSettings)
+
+
+def load(profile: str | None = None, file: Path | None = None) -> Settings:
+    """Settings of a profile with the keys of a file over them.
+
+    Parameters
+    ----------
+    profile
+        One of :data:`PROFILES`; None takes the file's ``profile`` key, else the default.
+    file
+        TOML file with any subset of the keys.
+
+    Raises
+    ------
+    SettingsError
+        File unreadable, not TOML, an unknown key or profile, or a value out of its range.
+    """
+    own = _read(file) if file is not None else {}
+    name = profile or own.get("profile", DEFAULT_PROFILE)
+    if name not in PROFILES:
+        raise SettingsError(f"there is no profile {name!r}; choose one of {', '.join(PROFILES)}")
+    values = _merged(_profile_values(name), own) | {"profile": name}
+    try:
+        return Settings.model_validate(values)
+    except ValidationError as error:
+        raise SettingsError(_sentence(error, file)) from None
+
+
+def origins(profile: str | None = None, file: Path | None = None) -> dict[str, str]:
+    """Dotted key -> ``default``, ``profile NAME`` or the file's name: where its value came from."""
+    settings = load(profile, file)
+    own = _flat(_read(file)) if file is not None else {}
+    base = _flat(_profile_values(settings.profile))
+    return {
+        key: str(file)
+        if key in own
+        else f"profile {settings.profile}"
+        if key in base
+        else "default"
+        for key in _flat(settings.model_dump())
+    }
+
+
+def _profile_values(name: str) -> dict[str, Any]:
+    text = resources.files("monitor").joinpath("profiles", f"{name}.toml").read_text("utf-8")
+    return tomllib.loads(text)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"cannot read {file}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{file} is not valid TOML: {error}") from None
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    out = dict(base)
+    for key, value in over.items():
+        below = out.get(key)
+        both = isinstance(value, Mapping) and isinstance(below, Mapping)
+        out[key] = _merged(below, value) if both else value
+    return out
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value:
+            out |= _flat(value, f"{prefix}{key}.")
+        else:
+            out[prefix + key] = value
+    return out
+
+
+def _sentence(error: ValidationError, file: Path | None) -> str:
+    """The first problem of a validation error, as a person would say it."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    where = f"{file}: " if file is not None else ""
+    if first["type"] != "extra_forbidden":
+        return f"{where}{key} = {first['input']!r}: {first['msg']}"
+    known = _known_keys(Settings, first["loc"][:-1])
+    near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]}?" if near else f"; known are {', '.join(known)}"
+    return f"{where}there is no key {key}{hint}"
+
+
+def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    for part in path:
+        annotation = model.model_fields[str(part)].annotation
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        model = annotation
+    return list(model.model_fields)

@@ -1,0 +1,112 @@
+"""Puts rows in order of validity time behind a watermark, the same for any split of a stream."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from links.samples import Rows
+from links.vocabulary import Rejection
+
+__all__ = ["Ordering"]
+
+_NEVER = np.iinfo(np.int64).min // 2
+
+
+class Ordering:
+    """Releases rows in (t_us, seq) order once the newest row is a horizon ahead of them.
+
+    The watermark is the newest ``t_us`` seen so far, in arrival order, minus the horizon. A row is
+    late, rejected and counted, when it is behind the watermark as it arrives; a row is released
+    when it is behind it afterwards. Both depend on the rows before it alone, so the released
+    sequence does not depend on how the stream was cut into batches.
+
+    Parameters
+    ----------
+    horizon_us
+        Delay of the watermark [us].
+    shift_us
+        Quantity -> latency [us] taken off ``t_us``, so that it says when the sample was valid.
+    pending_rows
+        Bound on the rows of one sensor that wait.
+    """
+
+    def __init__(
+        self, horizon_us: int, shift_us: Mapping[str, int], pending_rows: int = 200_000
+    ) -> None:
+        self._horizon_us = horizon_us
+        self._shift_us = dict(shift_us)
+        self._bound = pending_rows
+        self._newest_us = _NEVER
+        self._pending: dict[str, Rows] = {}
+        self.rejected: Counter[tuple[str, Rejection]] = Counter()
+
+    @property
+    def watermark_us(self) -> int:
+        """All rows before this time have been released [us]."""
+        return self._newest_us - self._horizon_us
+
+    def feed(self, rows: Mapping[str, Rows]) -> dict[str, Rows]:
+        """Take rows in arrival order; return those released, in time order per sensor."""
+        incoming = {s: self._shifted(s, r) for s, r in rows.items() if len(r)}
+        if incoming:
+            late = self._late(incoming)
+            for sensor, new in incoming.items():
+                if late is not None and (n := int(late[sensor].sum())):
+                    self.rejected[sensor, Rejection.LATE] += n
+                    new = new[~late[sensor]]
+                held = self._pending.get(sensor)
+                self._pending[sensor] = new if held is None else np.concatenate((held, new))
+        return self._release(self.watermark_us)
+
+    def finish(self) -> dict[str, Rows]:
+        """Release all that still waits: the stream has ended."""
+        return self._release(np.iinfo(np.int64).max)
+
+    def _shifted(self, sensor: str, rows: Rows) -> Rows:
+        shift = self._shift_us.get(sensor.rstrip("0123456789"), 0)
+        if shift:
+            rows = rows.copy()
+            rows["t_us"] -= shift
+        return rows
+
+    def _late(self, incoming: Mapping[str, Rows]) -> dict[str, np.ndarray] | None:
+        """Per sensor, which rows are behind the watermark as they arrive; None when none is."""
+        t = np.concatenate([r["t_us"] for r in incoming.values()])
+        newest = self._newest_us
+        self._newest_us = max(newest, int(t.max()))
+        if t.min() >= self._newest_us - self._horizon_us:
+            return None
+        order = np.argsort(np.concatenate([r["seq"] for r in incoming.values()]), kind="stable")
+        before = np.empty(len(t), np.int64)
+        before[order[0]] = newest
+        before[order[1:]] = np.maximum(np.maximum.accumulate(t[order[:-1]]), newest)
+        late = t < before - self._horizon_us
+        if not late.any():
+            return None
+        edges = np.cumsum([len(r) for r in incoming.values()])[:-1]
+        return dict(zip(incoming, np.split(late, edges), strict=True))
+
+    def _release(self, until_us: int) -> dict[str, Rows]:
+        out: dict[str, Rows] = {}
+        for sensor, rows in self._pending.items():
+            if not len(rows):
+                continue
+            ready = rows["t_us"] < until_us
+            count = int(np.count_nonzero(ready))
+            if count:
+                released = rows if count == len(rows) else rows[ready]
+                if (np.diff(released["t_us"]) < 0).any():
+                    released = released[np.lexsort((released["seq"], released["t_us"]))]
+                out[sensor] = released
+            if count < len(rows):
+                rest = rows[~ready] if count else rows
+                if len(rest) > self._bound:
+                    self.rejected[sensor, Rejection.OVERFLOW] += len(rest) - self._bound
+                    rest = rest[-self._bound :]
+                self._pending[sensor] = rest
+            else:
+                self._pending[sensor] = rows[:0]
+        return out

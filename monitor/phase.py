@@ -1,0 +1,83 @@
+"""Flight phase of the vehicle: turns GPS and position rows into ``phase`` rows for the watches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from estimators import flight_phase as fp
+from links.samples import Rows
+from monitor.settings.phase import PhaseSettings
+from monitor.verdict import PHASE_ROW
+
+__all__ = ["PhaseTracker"]
+
+_EVENT = np.dtype(
+    [
+        ("seq", "<i8"),
+        ("t_us", "<i8"),
+        ("source", "<i8"),
+        ("speed_m_s", "<f8"),
+        ("height_m", "<f8"),
+        ("sink_m_s", "<f8"),
+    ]
+)
+
+
+class PhaseTracker:
+    """Emits a ``phase`` row at each change between flying and not flying."""
+
+    def __init__(self, settings: PhaseSettings) -> None:
+        self._par = np.array(
+            [
+                settings.flying_speed_m_s,
+                settings.confirm_s * 1e6,
+                settings.takeoff_height_m,
+                settings.landing_height_m,
+                settings.standstill_speed_m_s,
+                settings.receiver_timeout_s * 1e6,
+            ]
+        )
+        self._state = fp.initial_state()
+
+    @property
+    def flying(self) -> bool:
+        """Whether the aircraft flies now."""
+        return bool(self._state[fp.FLYING] > 0.5)
+
+    def step(self, rows: Mapping[str, Rows]) -> Rows:
+        """Use released rows (each sensor in time order); return the new ``phase`` rows."""
+        parts = []
+        if (gps := rows.get("gps0")) is not None:
+            parts.append(_events(gps, fp.RECEIVER))
+            parts[-1]["speed_m_s"][gps["fix_type"] < 3] = np.nan
+        if (nav := rows.get("nav")) is not None:
+            parts.append(_events(nav, fp.NAV))
+        if not parts:
+            return np.zeros(0, PHASE_ROW)
+        events = np.concatenate(parts)
+        events = events[np.lexsort((events["seq"], events["t_us"]))]
+        index = np.empty(len(events), np.int64)
+        was = self.flying
+        count = fp.track_phase(
+            self._state,
+            self._par,
+            *(np.ascontiguousarray(events[name]) for name in _EVENT.names[1:] or ()),
+            index,
+        )
+        out = np.zeros(count, PHASE_ROW)
+        out["seq"] = events["seq"][index[:count]]
+        out["t_us"] = events["t_us"][index[:count]]
+        out["flying"] = (np.arange(count) % 2 == 0) != was
+        return out
+
+
+def _events(rows: Rows, source: int) -> Rows:
+    """Speed and height events of ``gps`` or ``nav`` rows."""
+    events = np.zeros(len(rows), _EVENT)
+    events["seq"], events["t_us"], events["source"] = rows["seq"], rows["t_us"], source
+    vel = rows["vel_ned_m_s"]
+    events["speed_m_s"] = np.hypot(vel[:, 0], vel[:, 1])
+    events["height_m"], events["sink_m_s"] = rows["alt_m"], vel[:, 2]
+    return events

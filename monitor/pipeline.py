@@ -1,0 +1,147 @@
+"""The one pipeline: sample batches in, verdicts and estimates out.
+
+``run``, ``analyze`` and the tests call :meth:`Pipeline.feed`. It does no I/O and reads no clock;
+vehicle time alone drives it, and where a stream is cut into batches changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from links.samples import Batch, Rows, quantity_of
+from links.vocabulary import Reason, Rejection, State
+from monitor.ordering import Ordering
+from monitor.phase import PhaseTracker
+from monitor.settings import Settings
+from monitor.streams import Stream, Streams
+from monitor.verdict import StepResult, Verdict, Watch
+from monitor.watch import build_watches
+
+__all__ = ["Pipeline"]
+
+_REFERENCES = frozenset({"gps", "attitude"})
+_UNWATCHED = frozenset({"spool"})
+
+
+class Pipeline:
+    """Orders rows, finds the flight phase, routes rows to the watches, keeps every sensor's state.
+
+    Attributes
+    ----------
+    now_us
+        Vehicle time up to which everything has been judged [us].
+    rejected
+        (sensor or "frame", reason) -> count, of the links and of the ordering.
+    """
+
+    def __init__(self, settings: Settings, watches: list[Watch] | None = None) -> None:
+        streams = settings.streams
+        self._ordering = Ordering(
+            round(streams.horizon_s * 1e6),
+            {"gps": round(streams.gps_latency_s * 1e6)},
+            streams.pending_rows,
+        )
+        self._phase = PhaseTracker(settings.phase)
+        self._streams = Streams(streams)
+        self._watches = build_watches(settings) if watches is None else watches
+        self._judged: dict[str, Verdict] = {}
+        self._states: dict[str, Verdict] = {}
+        self._link_rejected: Counter[tuple[str, Rejection]] = Counter()
+        self.now_us = self._ordering.watermark_us
+
+    def feed(self, batch: Batch) -> StepResult:
+        """Use a batch; return the verdicts and estimates that it made due."""
+        self._link_rejected.update(batch.rejected)
+        released = self._ordering.feed(batch.rows)
+        return self._step(released, self._ordering.watermark_us)
+
+    def finish(self) -> StepResult:
+        """Use all that still waits behind the watermark: the stream has ended."""
+        released = self._ordering.finish()
+        last = [int(r["t_us"][-1]) + 1 for r in released.values() if len(r)]
+        return self._step(released, max([self.now_us, *last]))
+
+    @property
+    def flying(self) -> bool:
+        """Whether the aircraft flies, at ``now_us``."""
+        return self._phase.flying
+
+    @property
+    def rejected(self) -> Counter[tuple[str, Rejection]]:
+        """Rejections counted by (sensor or ``"frame"``, reason)."""
+        return self._link_rejected + self._ordering.rejected
+
+    @property
+    def streams(self) -> Mapping[str, Stream]:
+        """Account of every stream seen."""
+        return self._streams.streams
+
+    def states(self) -> Mapping[str, Verdict]:
+        """Each sensor's standing verdict; staleness counts before what the watch last said."""
+        return self._states
+
+    def _step(self, released: dict[str, Rows], until_us: int) -> StepResult:
+        if not released and until_us <= self.now_us:
+            return StepResult()
+        changes = self._streams.step(released, until_us)
+        phase = self._phase.step(released)
+        if len(phase):
+            released["phase"] = phase
+        raised: list[Verdict] = []
+        estimates: dict[str, Rows] = {}
+        for watch in self._watches:
+            result = watch.step(released, until_us)
+            raised += result.verdicts
+            for name, rows in result.estimates.items():
+                estimates[name] = (
+                    np.concatenate((estimates[name], rows)) if name in estimates else rows
+                )
+        self.now_us = until_us
+        return StepResult(self._compose(raised, changes), estimates)
+
+    def _compose(
+        self, raised: list[Verdict], changes: list[tuple[int, str, bool]]
+    ) -> list[Verdict]:
+        """Merge what the watches raised with what stopped or came back, in time order."""
+        events: list[tuple[int, int, Verdict | tuple[str, bool]]] = [
+            (t_us, 0, (sensor, fresh)) for t_us, sensor, fresh in changes
+        ]
+        events += [(v.t_us, 1, v) for v in raised]
+        events.sort(key=lambda e: e[:2])
+        out: list[Verdict] = []
+        for t_us, _, event in events:
+            if isinstance(event, Verdict):
+                self._judged[event.sensor] = event
+                standing = self._states.get(event.sensor)
+                if standing is None or standing.state is not State.STALE:
+                    out.append(event)
+                    self._states[event.sensor] = event
+            else:
+                for verdict in self._freshness(t_us, *event):
+                    out.append(verdict)
+                    self._states[verdict.sensor] = verdict
+        return out
+
+    def _freshness(self, t_us: int, stream: str, fresh: bool) -> list[Verdict]:
+        """Verdicts on the sensors of a stream that stopped or came back."""
+        quantity = quantity_of(stream)
+        if not fresh:
+            sensors = [s for s in self._states if s.partition(".")[0] == stream]
+            return [
+                Verdict(t_us, s, State.STALE, evidence=f"{stream} sends no data any more")
+                for s in sensors
+                if self._states[s].state is not State.ABSENT
+            ]
+        if quantity in _REFERENCES:
+            return [Verdict(t_us, stream, State.OK)]
+        if quantity in _UNWATCHED:
+            return [Verdict(t_us, stream, State.UNMONITORED, Reason.NO_WATCH)]
+        return [
+            replace(judged, t_us=t_us)
+            for s, judged in self._judged.items()
+            if s.partition(".")[0] == stream and self._states[s].state is State.STALE
+        ]

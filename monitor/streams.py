@@ -1,0 +1,89 @@
+"""What arrives of each stream: counts, rate, gaps, and whether it has stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from links.samples import Rows, quantity_of
+from monitor.settings.streams import StreamSettings
+
+__all__ = ["Stream", "Streams"]
+
+
+@dataclass(slots=True)
+class Stream:
+    """Running account of one sensor's rows."""
+
+    timeout_us: int | None
+    samples: int = 0
+    first_us: int = 0
+    last_us: int = 0
+    gaps: int = 0
+    stale: bool = False
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean rate over the time in which rows came [1/s]."""
+        span_us = self.last_us - self.first_us
+        return (self.samples - 1) * 1e6 / span_us if span_us > 0 else 0.0
+
+
+class Streams:
+    """Accounts for every stream and tells when one stops and comes back.
+
+    A stream is stale from ``timeout`` after its last row until its next row: vehicle time alone
+    decides, so live and log agree. A gap is an interval longer than the time-out, or than one
+    second for a stream that has none.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self._timeouts = {
+            "imu": settings.imu_timeout_s,
+            "attitude": settings.attitude_timeout_s,
+            "gps": settings.gps_timeout_s,
+            "airspeed": settings.airspeed_timeout_s,
+            "aoa": settings.aoa_timeout_s,
+            "spool": settings.spool_timeout_s,
+        }
+        self.streams: dict[str, Stream] = {}
+
+    def step(self, rows: Mapping[str, Rows], until_us: int) -> list[tuple[int, str, bool]]:
+        """Use released rows; return changes (t_us, sensor, fresh) in time order.
+
+        The first row of a stream is a change to fresh.
+        """
+        changes = [c for sensor, r in rows.items() if len(r) for c in self._use(sensor, r)]
+        for sensor, stream in self.streams.items():
+            if stream.timeout_us is None or stream.stale:
+                continue
+            stopped_us = stream.last_us + stream.timeout_us
+            if stopped_us < until_us:
+                stream.stale = True
+                changes.append((stopped_us, sensor, False))
+        changes.sort()
+        return changes
+
+    def _use(self, sensor: str, rows: Rows) -> Iterator[tuple[int, str, bool]]:
+        t = rows["t_us"]
+        stream = self.streams.get(sensor)
+        if stream is None:
+            timeout_s = self._timeouts.get(quantity_of(sensor))
+            timeout_us = None if timeout_s is None else round(timeout_s * 1e6)
+            stream = Stream(timeout_us, first_us=int(t[0]), last_us=int(t[0]))
+            self.streams[sensor] = stream
+            yield int(t[0]), sensor, True
+        limit_us = stream.timeout_us or 1_000_000
+        steps = np.diff(t, prepend=stream.last_us)
+        for i in np.flatnonzero(steps > limit_us):
+            stream.gaps += 1
+            if stream.timeout_us is not None:
+                before_us = int(t[i] - steps[i])
+                if not (i == 0 and stream.stale):
+                    yield before_us + stream.timeout_us, sensor, False
+                yield int(t[i]), sensor, True
+        stream.stale = False
+        stream.samples += len(t)
+        stream.last_us = int(t[-1])

@@ -1,0 +1,70 @@
+"""Air-data watch: chooses between the filter bank and the triplex logic by what the aircraft has.
+
+The choice falls once, at the row at which the aircraft first flies: with three pitots, or with two
+vanes, there is a majority to ask (``air_triplex``); with fewer, wind and GPS are the witnesses
+(``air_bank``). Both see the rows up to then; afterwards only the chosen one works.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from links.samples import Rows, quantity_of
+from monitor.settings.air import AirSettings
+from monitor.settings.triplex import TriplexSettings
+from monitor.verdict import StepResult, Verdict, Watch
+from monitor.watch.air_bank import AirBankWatch
+from monitor.watch.air_triplex import AirTriplexWatch
+
+__all__ = ["AirWatch"]
+
+
+class AirWatch:
+    """Judges pitots and vanes with the estimator that suits their number."""
+
+    name = "air"
+
+    def __init__(self, air: AirSettings, triplex: TriplexSettings) -> None:
+        self._bank: Watch = AirBankWatch(air)
+        self._triplex: Watch = AirTriplexWatch(triplex)
+        self.quantities = self._bank.quantities | self._triplex.quantities
+        self._method: Literal["auto", "bank", "triplex"] = air.method
+        self._chosen: Watch | None = None
+        self._chosen_us = 0
+        self._first_us: dict[str, int] = {}
+
+    def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
+        """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""
+        if self._chosen is not None:
+            return self._chosen.step(rows, until_us)
+        self._choose(rows)
+        bank = self._bank.step(rows, until_us)
+        triplex = self._triplex.step(rows, until_us)
+        chosen = triplex if self._chosen is self._triplex else bank
+        return StepResult(
+            [v for v in bank.verdicts if quantity_of(v.sensor) != "aoa" and self._before(v)]
+            + [v for v in triplex.verdicts if quantity_of(v.sensor) == "aoa" and self._before(v)]
+            + [v for v in chosen.verdicts if not self._before(v)],
+            {} if self._chosen is None else self._after(chosen.estimates),
+        )
+
+    def _before(self, verdict: Verdict) -> bool:
+        return self._chosen is None or verdict.t_us < self._chosen_us
+
+    def _after(self, estimates: Mapping[str, Rows]) -> dict[str, Rows]:
+        return {name: e[e["t_us"] >= self._chosen_us] for name, e in estimates.items()}
+
+    def _choose(self, rows: Mapping[str, Rows]) -> None:
+        for sensor, new in rows.items():
+            if len(new) and sensor[:3] in ("air", "aoa"):
+                self._first_us.setdefault(sensor, int(new["t_us"][0]))
+        phase = rows.get("phase")
+        if phase is None or not phase["flying"].any():
+            return
+        self._chosen_us = int(phase["t_us"][phase["flying"]][0])
+        seen = [s for s, t_us in self._first_us.items() if t_us <= self._chosen_us]
+        pitots = sum(s.startswith("airspeed") for s in seen)
+        many = pitots >= 3 or len(seen) - pitots >= 2
+        use_triplex = self._method == "triplex" or (self._method == "auto" and many)
+        self._chosen = self._triplex if use_triplex else self._bank

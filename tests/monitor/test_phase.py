@@ -1,0 +1,85 @@
+"""Flying is recognised from speed and height, never from airspeed."""
+
+import numpy as np
+import pytest
+
+from links.samples import Rows, empty_rows
+from monitor.phase import PhaseTracker
+from monitor.settings.phase import PhaseSettings
+
+RATE_HZ = 5
+
+
+def flight(speed_m_s: np.ndarray, height_m: np.ndarray) -> dict[str, Rows]:
+    """GPS and autopilot rows of a flight sampled at 5 Hz."""
+    n = len(speed_m_s)
+    gps, nav = empty_rows("gps0", n), empty_rows("nav", n)
+    for k, rows in enumerate((gps, nav)):
+        rows["t_us"] = np.arange(n) * (1_000_000 // RATE_HZ)
+        rows["seq"] = 2 * np.arange(n) + k
+        rows["vel_ned_m_s"][:, 0] = speed_m_s
+        rows["alt_m"] = 584.0 + height_m
+    gps["fix_type"] = 3
+    gps["vel_ned_m_s"][:, 2] = np.nan
+    nav["vel_ned_m_s"][:, 2] = -np.gradient(height_m) * RATE_HZ
+    return {"gps0": gps, "nav": nav}
+
+
+def changes(rows: dict[str, Rows]) -> list[tuple[float, bool]]:
+    phase = PhaseTracker(PhaseSettings()).step(rows)
+    return [(t / 1e6, bool(f)) for t, f in zip(phase["t_us"], phase["flying"], strict=True)]
+
+
+T = np.arange(0, 120, 1 / RATE_HZ)
+
+
+def test_a_parked_aircraft_never_flies() -> None:
+    assert changes(flight(np.full(T.shape, 0.3), np.zeros(T.shape))) == []
+
+
+def test_take_off_is_flight_from_the_stated_height_and_landing_ends_it_before_touchdown() -> None:
+    speed = np.interp(T, [20, 25, 100, 110], [0, 20, 20, 0])
+    height = np.interp(T, [27, 37, 80, 100], [0, 50, 50, 0])
+    (up, flying), (down, still) = changes(flight(speed, height))
+    assert (flying, still) == (True, False)
+    assert 27 + 15 / 5 <= up < 31.5
+    assert 80 + 38 / 2.5 <= down < 96 < 100
+
+
+def test_a_stream_that_begins_in_flight_is_flight_after_the_confirmation() -> None:
+    ((up, flying),) = changes(flight(np.full(T.shape, 18.0), np.full(T.shape, 65.0)))
+    assert flying
+    assert up == pytest.approx(2.0, abs=0.21)
+
+
+def test_hovering_against_the_wind_is_still_flight() -> None:
+    speed = np.interp(T, [20, 25, 60, 65], [0, 20, 20, 1.0])
+    height = np.interp(T, [27, 37], [0, 100])
+    assert [f for _, f in changes(flight(speed, height))] == [True]
+
+
+def test_a_frozen_receiver_without_a_fix_is_no_flight() -> None:
+    rows = flight(np.full(T.shape, 30.0), np.full(T.shape, 90.0))
+    rows["gps0"]["fix_type"] = 1
+    del rows["nav"]
+    assert changes(rows) == []
+
+
+def test_without_a_receiver_the_autopilots_velocity_serves() -> None:
+    rows = flight(np.full(T.shape, 18.0), np.full(T.shape, 65.0))
+    del rows["gps0"]
+    assert [f for _, f in changes(rows)] == [True]
+
+
+@pytest.mark.parametrize("cut", [1, 7, 150, 400])
+def test_changes_do_not_depend_on_the_split(cut: int) -> None:
+    speed = np.interp(T, [20, 25, 100, 110], [0, 20, 20, 0])
+    height = np.interp(T, [27, 37, 80, 100], [0, 50, 50, 0])
+    rows = flight(speed, height)
+    tracker = PhaseTracker(PhaseSettings())
+    parts = [
+        tracker.step({s: r[:cut] for s, r in rows.items()}),
+        tracker.step({s: r[cut:] for s, r in rows.items()}),
+    ]
+    whole = PhaseTracker(PhaseSettings()).step(rows)
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
