@@ -1,0 +1,181 @@
+"""Changes of state as short texts for a pilot's screen: worded, rate-limited, folded.
+
+A STATUSTEXT has fifty characters and a ground station shows (and speaks) every one, so a change
+that a pilot cannot use is not announced (suspicion, learning), and changes that come faster than
+the rate allows are folded: one text names several sensors, and of one sensor only the newest state.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from math import degrees, isfinite
+
+from links.vocabulary import GYRO_ACC_AXES, State
+from monitor.verdict import Verdict
+
+__all__ = ["TEXT_MAX", "Announcer", "Text", "size_phrase", "wording"]
+
+TEXT_MAX = 50
+"""Characters of a STATUSTEXT that every ground station shows."""
+
+_SEVERITY = {
+    State.FAULTY: 2,
+    State.STALE: 4,
+    State.UNMONITORED: 5,
+    State.ABSENT: 5,
+    State.OK: 5,
+}
+"""MAV_SEVERITY of a change to this state: critical, warning, notice."""
+
+_FOLDED_HEAD = {State.FAULTY: "FAULTY", State.STALE: "STALE", State.UNMONITORED: "not judged"}
+
+_ALARMS = frozenset({State.FAULTY, State.STALE})
+
+_SHOWN_UNIT = {"rad": (degrees(1.0), "deg"), "rad/s": (degrees(1.0), "deg/s")}
+"""SI unit -> (factor, unit) of a pilot's text; other units are shown as they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A STATUSTEXT to send: MAV_SEVERITY and at most :data:`TEXT_MAX` ASCII characters."""
+
+    severity: int
+    text: str
+
+
+def size_phrase(verdict: Verdict) -> str:
+    """``"3.1 m/s low"``, or the fault's kind when its size is not known."""
+    if not isfinite(verdict.magnitude):
+        return str(verdict.kind)
+    factor, unit = _SHOWN_UNIT.get(verdict.unit, (1.0, verdict.unit))
+    size = abs(verdict.magnitude) * factor
+    return (
+        f"{size:.{1 if size < 99.95 else 0}f} {unit} {'low' if verdict.magnitude < 0 else 'high'}"
+    )
+
+
+def wording(verdict: Verdict, t_us: int) -> str:
+    """One sensor's change as a text of at most :data:`TEXT_MAX` characters.
+
+    Parameters
+    ----------
+    verdict
+        The new state.
+    t_us
+        Vehicle time now [us]: the age of a fault is counted from its onset to here.
+    """
+    sensor = verdict.sensor
+    match verdict.state:
+        case State.FAULTY:
+            text = f"{sensor} FAULTY: {size_phrase(verdict)}"
+            if verdict.onset_t_us is not None:
+                age_s = max(0, t_us - verdict.onset_t_us) // 1_000_000
+                aged = f"{text} since {age_s} s"
+                text = aged if len(aged) <= TEXT_MAX else text
+        case State.STALE:
+            text = f"{sensor} STALE: its data stopped"
+        case State.OK:
+            text = f"{sensor} ok"
+        case State.UNMONITORED:
+            text = f"{sensor} not judged: {verdict.reason}"
+        case _:
+            text = f"{sensor} {verdict.state}"
+    return text[:TEXT_MAX]
+
+
+def _words(sensors: list[str]) -> list[str]:
+    """Sensors as short as they can be told: an IMU by its name when all six axes are meant."""
+    axes = {s: s.partition(".")[0] for s in sensors if s.partition(".")[2] in GYRO_ACC_AXES}
+    counts = Counter(axes.values())
+    words: list[str] = []
+    for sensor in sorted(sensors):
+        imu = axes.get(sensor)
+        word = imu if imu is not None and counts[imu] == len(GYRO_ACC_AXES) else sensor
+        if word not in words:
+            words.append(word)
+    return words
+
+
+def _folded(state: State, sensors: list[str]) -> str:
+    """Several sensors that took the same state in one text; what does not fit is counted."""
+    text = _FOLDED_HEAD.get(state, str(state)) + ":"
+    words = _words(sensors)
+    last = ""
+    for i, sensor in enumerate(words):
+        group, _, axis = sensor.partition(".")
+        word = f" .{axis}" if axis and group == last else f" {sensor}"
+        left = len(words) - i - 1
+        room = TEXT_MAX - (len(f" +{left}") if left else 0)
+        if len(text) + len(word) > room:
+            return f"{text} +{left + 1}"
+        text += word
+        last = group
+    return text
+
+
+class Announcer:
+    """Chooses which changes are said, and when.
+
+    Parameters
+    ----------
+    burst
+        Texts that may go out at once after a quiet time.
+    interval_s
+        Least mean time between texts [s].
+    """
+
+    def __init__(self, burst: int, interval_s: float) -> None:
+        self._burst = float(burst)
+        self._interval_us = interval_s * 1e6
+        self._tokens = float(burst)
+        self._refilled_us: int | None = None
+        self._waiting: dict[str, Verdict] = {}
+        self._said: dict[str, State] = {}
+
+    def note(self, verdict: Verdict) -> None:
+        """Take a change of state; a newer one of the same sensor replaces one still waiting."""
+        self._waiting.pop(verdict.sensor, None)
+        if self._worth_saying(verdict):
+            self._waiting[verdict.sensor] = verdict
+
+    def due(self, now_us: int, t_us: int) -> list[Text]:
+        """Texts that may go out now; host time ``now_us`` paces, vehicle time ``t_us`` dates."""
+        if self._refilled_us is not None:
+            gained = (now_us - self._refilled_us) / self._interval_us
+            self._tokens = min(self._burst, self._tokens + max(0.0, gained))
+        self._refilled_us = now_us
+        texts = []
+        while self._waiting and self._tokens >= 1.0:
+            texts.append(self._next(t_us))
+            self._tokens -= 1.0
+        return texts
+
+    def _worth_saying(self, verdict: Verdict) -> bool:
+        """An alarm, its end, and the first time that a sensor is being watched."""
+        said = self._said.get(verdict.sensor)
+        if verdict.state in _ALARMS:
+            return verdict.state != said
+        if verdict.state is State.SUSPECT:
+            return False
+        if verdict.state is State.OK:
+            return said is None or said is not State.OK
+        return said in _ALARMS
+
+    def _next(self, t_us: int) -> Text:
+        """Text on the gravest waiting state: a fault alone in full, equal states folded."""
+        gravest = min(self._waiting.values(), key=lambda v: _SEVERITY.get(v.state, 6))
+        state = gravest.state
+        same = [s for s, v in self._waiting.items() if v.state is state]
+        # While the tokens suffice each fault is said in full: its size is worth a text.
+        if state is State.FAULTY and len(self._waiting) <= self._tokens:
+            same = [gravest.sensor]
+        text = (
+            wording(self._waiting[same[0]], t_us)
+            if len(same) == 1
+            else _folded(state, sorted(same))
+        )
+        for sensor in same:
+            del self._waiting[sensor]
+            self._said[sensor] = state
+        return Text(_SEVERITY.get(state, 6), text)
