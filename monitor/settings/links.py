@@ -1,10 +1,53 @@
 """What is read from a link, whatever carries it."""
 
-from pydantic import Field
+from __future__ import annotations
 
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from links.catalog import RANKING, SOURCES
+from links.mavlink import DecoderOptions
 from monitor.settings.base import Section
 
-__all__ = ["LinkSettings"]
+__all__ = ["LinkSettings", "SourceSettings"]
+
+_NAMED = "NAMED_VALUE_FLOAT"
+_KNOWN = {q: {s.key for s in SOURCES if s.quantity == q} | {_NAMED} for q in RANKING}
+
+
+def _order(quantity: str) -> tuple[str, ...]:
+    return Field(
+        RANKING[quantity],
+        description=f"MAVLink messages that {quantity} is taken from, the first usable one wins; "
+        "a message that is not listed is not used.",
+    )
+
+
+class SourceSettings(Section):
+    """Which messages speak for a sensor, best first."""
+
+    imu: tuple[str, ...] = Field(
+        (),
+        description="MAVLink messages that imu is taken from, the first usable one wins. Empty: "
+        "HIGHRES_IMU, RAW_IMU, SCALED_IMU, and for PX4 the reverse, since PX4 takes its filter's "
+        "bias estimate out of HIGHRES_IMU.",
+    )
+    attitude: tuple[str, ...] = _order("attitude")
+    gps: tuple[str, ...] = _order("gps")
+    airspeed: tuple[str, ...] = _order("airspeed")
+    baro: tuple[str, ...] = _order("baro")
+    aoa: tuple[str, ...] = _order("aoa")
+    spool: tuple[str, ...] = _order("spool")
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        for quantity in type(self).model_fields:
+            strange = set(getattr(self, quantity)) - _KNOWN[quantity]
+            if strange:
+                known = ", ".join(sorted(_KNOWN[quantity]))
+                raise ValueError(f"{quantity} is not carried by {min(strange)}; choose of {known}")
+        return self
 
 
 class LinkSettings(Section):
@@ -12,7 +55,7 @@ class LinkSettings(Section):
 
     dialect: str = Field(
         "ardupilotmega",
-        pattern=r"^[a-z0-9_]+$",
+        pattern=r"^[A-Za-z0-9_]+$",
         description="MAVLink dialect by pymavlink's name: ardupilotmega, all, common ...",
     )
     system_id: int = Field(
@@ -21,28 +64,39 @@ class LinkSettings(Section):
         le=255,
         description="MAVLink system id of the vehicle; 0 takes the first autopilot that is heard.",
     )
+    autopilot_component_id: int = Field(
+        1, ge=1, le=255, description="MAVLink component id that sensors are taken from."
+    )
     component_id: int = Field(
         191,
         ge=1,
         le=255,
         description="Our own MAVLink component id: what carries it is sent by us and never read.",
     )
+    components: dict[str, tuple[int, ...]] = Field(
+        default_factory=dict,
+        description="MAVLink message -> component ids that it is taken from, where that is not "
+        "the autopilot alone.",
+    )
+    sources: SourceSettings = SourceSettings()
+    source_timeout_s: float = Field(
+        2.0,
+        gt=0,
+        le=60,
+        description="Silence of a message after which the next one in rank speaks for the sensor.",
+    )
     airspeed_ratio: float = Field(
         2.0,
         gt=0,
         le=10,
-        description="ARSPD_RATIO (pascal per (m/s)^2, inverse) used until the vehicle's parameter "
-        "is heard: CAS = sqrt(ratio * differential pressure). 2.0 is ArduPilot's default.",
-    )
-    aoa_ssa_is_vane: bool = Field(
-        False,
-        description="AOA_SSA carries a real vane (ArduPilot computes it, so it is not read).",
+        description="ARSPD_RATIO used until the vehicle's parameter is heard: CAS = sqrt(ratio * "
+        "differential pressure in pascal). 2.0 is ArduPilot's default.",
     )
     silent_after_s: float = Field(
         3.0,
         gt=0,
         le=60,
-        description="Time without any byte of the vehicle (host clock) after which the link is "
+        description="Time without a sample of the vehicle (host clock) after which the link is "
         "silent: the heartbeat says EMERGENCY.",
     )
     coalesce_ms: float = Field(
@@ -52,3 +106,17 @@ class LinkSettings(Section):
         description="Datagrams are gathered for this time before they are worked on: less waking "
         "up against more latency.",
     )
+
+    def decoder_options(self) -> DecoderOptions:
+        """The part that the decoder takes."""
+        sources = self.sources.model_dump()
+        return DecoderOptions(
+            dialect=self.dialect,
+            system_id=self.system_id or None,
+            autopilot_component=self.autopilot_component_id,
+            own_component=self.component_id,
+            components={name: frozenset(ids) for name, ids in self.components.items()},
+            ranking={q: k for q, k in sources.items() if k and k != RANKING[q]},
+            airspeed_ratio=self.airspeed_ratio,
+            source_timeout_us=round(self.source_timeout_s * 1e6),
+        )
