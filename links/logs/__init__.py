@@ -1,0 +1,45 @@
+"""Log files to the same batches that a live link gives.
+
+``open_log(path)`` looks at the content and the name and returns a reader: iterate it for batches,
+then ask ``reader.info``.
+"""
+
+from pathlib import Path
+
+from links.logs.tlog import LogInfo, TlogReader, TlogWriter, read_tlog
+from links.mavlink.decode import DecoderOptions
+
+__all__ = ["LogError", "LogInfo", "TlogReader", "TlogWriter", "open_log", "read_tlog"]
+
+_ULOG_MAGIC = b"ULog\x01\x12\x35"
+_DATAFLASH_MAGIC = b"\xa3\x95\x80"
+
+
+class LogError(Exception):
+    """A log file that cannot be used; the message is one plain sentence."""
+
+
+def open_log(path: Path | str, options: DecoderOptions | None = None) -> TlogReader:
+    """Reader of a log file, chosen by what the file is.
+
+    Raises
+    ------
+    LogError
+        When there is no such file, it is empty or a directory, or its format is not supported.
+    """
+    path = Path(path)
+    try:
+        with open(path, "rb") as file:
+            head = file.read(16)
+    except IsADirectoryError:
+        raise LogError(f"{path} is a directory, not a log file") from None
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror or error}") from None
+    if not head:
+        raise LogError(f"{path} is empty")
+    suffix = path.suffix.lower()
+    if head.startswith(_ULOG_MAGIC) or suffix == ".ulg":
+        raise LogError(f"{path}: not supported yet: PX4 ULog (.ulg)")
+    if head.startswith(_DATAFLASH_MAGIC) or suffix in (".bin", ".log"):
+        raise LogError(f"{path}: not supported yet: ArduPilot DataFlash (.BIN)")
+    return read_tlog(path, options)

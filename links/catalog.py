@@ -1,0 +1,473 @@
+"""The table: which message gives which sensor, in which unit, within which bounds.
+
+One :class:`Source` per line of DESIGN's input table; everything else (the decoder, the tests)
+reads this. A source fills the fields of the sensor's dtype (:mod:`links.samples`) by
+:class:`Fill` entries: wire fields times a scale, or a small function where it takes more.
+A required value that is not finite, or outside its bounds, rejects the row and is counted.
+
+``RANKING`` orders the sources of a quantity, best first; a source that is not ranked is not used.
+Rows are given even where an instance is plainly unused (an all-zero SCALED_IMU3, rpm2 = -1): that
+it is absent is for the pipeline to say, which sees the whole stream.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import inf, nan, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from links.clock import Stamp
+
+__all__ = [
+    "AUTOPILOT_PX4",
+    "FOLLOWS_COMPONENTS",
+    "MAX_INSTANCES",
+    "NAMED_INPUTS",
+    "RANKING",
+    "RANKING_BY_AUTOPILOT",
+    "SOURCES",
+    "STAMPS",
+    "Fill",
+    "Source",
+]
+
+Payload = NDArray[np.void]
+Floats = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665
+"""MAVLink's mG is a thousandth of this [m/s^2]."""
+
+DEG = pi / 180.0
+MILLI_G = 1e-3 * STANDARD_GRAVITY
+HPA = 100.0
+ZERO_CELSIUS_K = 273.15
+AUTOPILOT_PX4 = 12
+MAX_INSTANCES = {"imu": 5, "airspeed": 3, "aoa": 3, "gps": 2, "baro": 3, "spool": 16}
+"""Instances that DESIGN section 3 names; a message for a higher one is out of range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fill:
+    """How one field of a row is filled.
+
+    Attributes
+    ----------
+    into
+        Field of the sensor's dtype.
+    fields
+        Wire fields, one per element of the field.
+    scale, offset
+        Row value = wire value times ``scale`` plus ``offset``.
+    low, high
+        Bounds of the row value [the field's unit].
+    unknown
+        Wire value that means "not known" (the row value is NaN), when the message has one.
+    required
+        Whether a row without this value is rejected; otherwise NaN stays NaN.
+    compute
+        (payload) -> values, instead of ``fields``.
+    """
+
+    into: str
+    fields: tuple[str, ...] = ()
+    scale: float = 1.0
+    offset: float = 0.0
+    low: float = -inf
+    high: float = inf
+    unknown: float | None = None
+    required: bool = True
+    compute: Callable[[Payload], Floats] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One message as a source of one sensor.
+
+    Attributes
+    ----------
+    key
+        Name in :data:`RANKING`; several messages of one family share it.
+    message
+        MAVLink message name.
+    sensor
+        Sensor name; ends in ``{}`` where ``instance`` names the wire field with the number.
+    fills
+        What it fills.
+    only
+        (payload) -> bool array: the rows that really carry this sensor; None for all.
+    named
+        For NAMED_VALUE_FLOAT: the name that it must have.
+    ratio
+        CAS comes from differential pressure and the pitot's ARSPD_RATIO.
+    synthetic
+        Not a sensor's own reading but the autopilot's mixture: used only where no better source
+        has ever spoken.
+    """
+
+    key: str
+    message: str
+    sensor: str
+    fills: tuple[Fill, ...]
+    instance: str | None = None
+    only: Callable[[Payload], NDArray[np.bool_]] | None = None
+    named: str | None = None
+    ratio: bool = False
+    synthetic: bool = False
+
+    @property
+    def quantity(self) -> str:
+        """Quantity of the sensor."""
+        return self.sensor.removesuffix("{}").rstrip("0123456789")
+
+
+# --------------------------------------------------------------------------- computed fields
+
+
+def _quaternion_from_euler(p: Payload) -> Floats:
+    """ATTITUDE's yaw, pitch, roll (Z-Y-X) as the quaternion ned_from_frd, scalar first."""
+    half = [0.5 * p[name].astype(np.float64) for name in ("roll", "pitch", "yaw")]
+    (cr, cp, cy), (sr, sp, sy) = [np.cos(h) for h in half], [np.sin(h) for h in half]
+    return np.stack(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        axis=1,
+    )
+
+
+def _unit_quaternion(p: Payload) -> Floats:
+    """ATTITUDE_QUATERNION, normalised; a quaternion far from unit length is NaN."""
+    q = np.stack([p[name].astype(np.float64) for name in ("q1", "q2", "q3", "q4")], axis=1)
+    norm = np.sqrt(np.sum(q * q, axis=1))
+    norm[~(np.abs(norm - 1.0) < 0.1)] = nan
+    return np.asarray(q / norm[:, None], dtype=np.float64)
+
+
+def _velocity_from_course(p: Payload) -> Floats:
+    """A receiver's speed and course over ground as north and east; it has no vertical velocity."""
+    speed, course = p["vel"].astype(np.float64) * 1e-2, p["cog"].astype(np.float64) * 1e-2 * DEG
+    unknown = (p["vel"] == 0xFFFF) | (p["cog"] == 0xFFFF)
+    v = np.full((len(p), 3), nan)
+    v[:, 0], v[:, 1] = speed * np.cos(course), speed * np.sin(course)
+    v[unknown] = nan
+    return v
+
+
+def _accuracy(name: str) -> Callable[[Payload], Floats]:
+    """A receiver's own accuracy in mm or mm/s; a short or MAVLink 1 message has 0 for none."""
+
+    def compute(p: Payload) -> Floats:
+        value = p[name].astype(np.float64) * 1e-3
+        value[value == 0.0] = nan
+        return value
+
+    return compute
+
+
+def _armed(p: Payload) -> Floats:
+    return np.asarray((p["base_mode"] & 128) != 0, dtype=np.float64)
+
+
+# --------------------------------------------------------------------------- fields by quantity
+
+_ACC = ("xacc", "yacc", "zacc")
+_GYRO = ("xgyro", "ygyro", "zgyro")
+_RATE = ("rollspeed", "pitchspeed", "yawspeed")
+_MAX_ACC = 400.0  # 40 g: int16 milli-g ends at 32.8 g
+_MAX_RATE = 70.0  # 4000 deg/s
+_MAX_CAS = 700.0
+
+
+def _imu(acc_scale: float, gyro_scale: float) -> tuple[Fill, ...]:
+    return (
+        Fill("acc_m_s2", _ACC, acc_scale, low=-_MAX_ACC, high=_MAX_ACC),
+        Fill("gyro_rad_s", _GYRO, gyro_scale, low=-_MAX_RATE, high=_MAX_RATE),
+    )
+
+
+_BODY_RATE = Fill("rate_rad_s", _RATE, low=-_MAX_RATE, high=_MAX_RATE)
+_DIFF_PRESS = Fill("diff_press_pa", ("press_diff",), HPA, low=-3e4, high=3e5)
+_BARO = (
+    Fill("static_press_pa", ("press_abs",), HPA, low=1e3, high=1.3e5),
+    Fill("temperature_k", ("temperature",), 1e-2, ZERO_CELSIUS_K, low=150.0, high=450.0),
+)
+_GPS = (
+    Fill("fix_type", ("fix_type",)),
+    Fill("lat_rad", ("lat",), 1e-7 * DEG, low=-pi / 2, high=pi / 2),
+    Fill("lon_rad", ("lon",), 1e-7 * DEG, low=-pi, high=pi),
+    Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
+    Fill("vel_ned_m_s", compute=_velocity_from_course, required=False),
+    Fill("h_std_m", compute=_accuracy("h_acc"), required=False),
+    Fill("v_std_m", compute=_accuracy("v_acc"), required=False),
+    Fill("vel_std_m_s", compute=_accuracy("vel_acc"), required=False),
+    Fill("satellites", ("satellites_visible",)),
+)
+_NAV = (
+    Fill("lat_rad", ("lat",), 1e-7 * DEG, low=-pi / 2, high=pi / 2),
+    Fill("lon_rad", ("lon",), 1e-7 * DEG, low=-pi, high=pi),
+    Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
+    Fill("height_m", ("relative_alt",), 1e-3, low=-1e5, high=1e5),
+    Fill("vel_ned_m_s", ("vx", "vy", "vz"), 1e-2),
+)
+_NO_PRESSURE = Fill("diff_press_pa", compute=lambda p: np.full(len(p), nan), required=False)
+_MAX_RPM = 1e6
+_HIGHRES_PRESSURE, _HIGHRES_DIFFERENTIAL = 1 << 9, 1 << 10  # HIGHRES_IMU_UPDATED_FLAGS
+
+
+def _rpm(wire: str) -> tuple[Fill, ...]:
+    return (Fill("speed_rpm", (wire,), low=-_MAX_RPM, high=_MAX_RPM),)
+
+
+def _aoa(wire: str) -> tuple[Fill, ...]:
+    return (Fill("aoa_rad", (wire,), DEG, low=-pi, high=pi),)
+
+
+def _escs() -> tuple[Source, ...]:
+    """ESC_TELEMETRY_1_TO_4 ... 13_TO_16: four speeds in each message."""
+
+    def pick(k: int) -> Callable[[Payload], Floats]:
+        return lambda p: p["rpm"][:, k].astype(np.float64)
+
+    return tuple(
+        Source(
+            "ESC_TELEMETRY",
+            f"ESC_TELEMETRY_{first}_TO_{first + 3}",
+            f"spool{first - 1 + k}",
+            (Fill("speed_rpm", compute=pick(k), low=-_MAX_RPM, high=_MAX_RPM),),
+        )
+        for first in (1, 5, 9, 13)
+        for k in range(4)
+    )
+
+
+NAMED_INPUTS: dict[str, tuple[str, str, float]] = {
+    "AS2": ("airspeed1", "cas_m_s", 1.0),
+    "AOA1": ("aoa0", "aoa_rad", DEG),
+    "AOA2": ("aoa1", "aoa_rad", DEG),
+    "AOA3": ("aoa2", "aoa_rad", DEG),
+    "RPM1": ("spool0", "speed_rpm", 1.0),
+    "RPM2": ("spool1", "speed_rpm", 1.0),
+    "RPM3": ("spool2", "speed_rpm", 1.0),
+    "RPM4": ("spool3", "speed_rpm", 1.0),
+}
+"""NAMED_VALUE_FLOAT name -> sensor, field, factor to SI."""
+
+_NAMED_BOUNDS = {
+    "cas_m_s": (0.0, _MAX_CAS),
+    "aoa_rad": (-pi, pi),
+    "speed_rpm": (-_MAX_RPM, _MAX_RPM),
+}
+
+
+def named_source(name: str, sensor: str, into: str, scale: float) -> Source:
+    """Source of a sensor that comes as a NAMED_VALUE_FLOAT."""
+    low, high = _NAMED_BOUNDS[into]
+    fills: tuple[Fill, ...] = (Fill(into, ("value",), scale, low=low, high=high),)
+    if into == "cas_m_s":
+        fills += (_NO_PRESSURE,)
+    return Source("NAMED_VALUE_FLOAT", "NAMED_VALUE_FLOAT", sensor, fills, named=name)
+
+
+def _scaled_pressure(message: str, instance: int) -> tuple[Source, ...]:
+    return (
+        Source("SCALED_PRESSURE", message, f"baro{instance}", _BARO),
+        Source("SCALED_PRESSURE", message, f"airspeed{instance}", (_DIFF_PRESS,), ratio=True),
+    )
+
+
+SOURCES: tuple[Source, ...] = (
+    # specific force and rates
+    Source("HIGHRES_IMU", "HIGHRES_IMU", "imu{}", _imu(1.0, 1.0), instance="id"),
+    Source("RAW_IMU", "RAW_IMU", "imu{}", _imu(MILLI_G, 1e-3), instance="id"),
+    Source("SCALED_IMU", "SCALED_IMU", "imu0", _imu(MILLI_G, 1e-3)),
+    Source("SCALED_IMU", "SCALED_IMU2", "imu1", _imu(MILLI_G, 1e-3)),
+    Source("SCALED_IMU", "SCALED_IMU3", "imu2", _imu(MILLI_G, 1e-3)),
+    # attitude
+    Source(
+        "ATTITUDE_QUATERNION",
+        "ATTITUDE_QUATERNION",
+        "attitude",
+        (Fill("q_ned_from_frd", compute=_unit_quaternion), _BODY_RATE),
+    ),
+    Source(
+        "ATTITUDE",
+        "ATTITUDE",
+        "attitude",
+        (Fill("q_ned_from_frd", compute=_quaternion_from_euler), _BODY_RATE),
+    ),
+    # position and velocity
+    Source("GPS_RAW_INT", "GPS_RAW_INT", "gps0", _GPS),
+    Source("GPS2_RAW", "GPS2_RAW", "gps1", _GPS),
+    Source("GLOBAL_POSITION_INT", "GLOBAL_POSITION_INT", "nav", _NAV),
+    # airspeed and pressure
+    Source(
+        "AIRSPEED",
+        "AIRSPEED",
+        "airspeed{}",
+        (
+            Fill("cas_m_s", ("airspeed",), low=0.0, high=_MAX_CAS),
+            Fill("diff_press_pa", ("raw_press",), HPA, required=False),
+        ),
+        instance="id",
+    ),
+    *_scaled_pressure("SCALED_PRESSURE", 0),
+    *_scaled_pressure("SCALED_PRESSURE2", 1),
+    *_scaled_pressure("SCALED_PRESSURE3", 2),
+    Source(
+        "HIGHRES_IMU",
+        "HIGHRES_IMU",
+        "baro{}",
+        (
+            Fill("static_press_pa", ("abs_pressure",), HPA, low=1e3, high=1.3e5),
+            Fill("temperature_k", ("temperature",), 1.0, ZERO_CELSIUS_K, low=150.0, high=450.0),
+        ),
+        instance="id",
+        only=lambda p: (p["fields_updated"] & _HIGHRES_PRESSURE) != 0,
+    ),
+    Source(
+        "HIGHRES_IMU",
+        "HIGHRES_IMU",
+        "airspeed{}",
+        (Fill("diff_press_pa", ("diff_pressure",), HPA, low=-3e4, high=3e5),),
+        instance="id",
+        only=lambda p: (p["fields_updated"] & _HIGHRES_DIFFERENTIAL) != 0,
+        ratio=True,
+    ),
+    Source(
+        "VFR_HUD",
+        "VFR_HUD",
+        "airspeed0",
+        (Fill("cas_m_s", ("airspeed",), low=0.0, high=_MAX_CAS), _NO_PRESSURE),
+        synthetic=True,
+    ),
+    # angle of attack
+    Source(
+        "SENSOR_AIRFLOW_ANGLES",
+        "SENSOR_AIRFLOW_ANGLES",
+        "aoa0",
+        _aoa("angleofattack"),
+        only=lambda p: p["angleofattack_valid"] != 0,
+    ),
+    Source("AOA_SSA", "AOA_SSA", "aoa0", _aoa("AOA")),
+    # engine speeds
+    Source("RPM", "RPM", "spool0", _rpm("rpm1")),
+    Source("RPM", "RPM", "spool1", _rpm("rpm2")),
+    Source("RAW_RPM", "RAW_RPM", "spool{}", _rpm("frequency"), instance="index"),
+    Source("EFI_STATUS", "EFI_STATUS", "spool0", _rpm("rpm")),
+    *_escs(),
+    # the rest of what the monitor asks for
+    Source(
+        "SERVO_OUTPUT_RAW",
+        "SERVO_OUTPUT_RAW",
+        "servo",
+        (Fill("pwm_us", tuple(f"servo{k}_raw" for k in range(1, 17))),),
+        only=lambda p: p["port"] == 0,
+    ),
+    Source(
+        "HEARTBEAT",
+        "HEARTBEAT",
+        "heartbeat",
+        (
+            Fill("vehicle_type", ("type",)),
+            Fill("autopilot", ("autopilot",)),
+            Fill("armed", compute=_armed),
+            Fill("system_status", ("system_status",)),
+        ),
+    ),
+    Source(
+        "EXTENDED_SYS_STATE",
+        "EXTENDED_SYS_STATE",
+        "landed",
+        (Fill("landed_state", ("landed_state",)),),
+    ),
+    Source(
+        "SYS_STATUS",
+        "SYS_STATUS",
+        "sys_status",
+        tuple(Fill(w, (f"onboard_control_sensors_{w}",)) for w in ("present", "enabled", "health")),
+    ),
+    Source(
+        "PARAM_VALUE",
+        "PARAM_VALUE",
+        "param",
+        (Fill("name", ("param_id",)), Fill("value", ("param_value",))),
+    ),
+    Source(
+        "STATUSTEXT",
+        "STATUSTEXT",
+        "text",
+        (Fill("severity", ("severity",)), Fill("text", ("text",))),
+    ),
+    Source(
+        "NAMED_VALUE_FLOAT",
+        "NAMED_VALUE_FLOAT",
+        "named",
+        (Fill("name", ("name",)), Fill("value", ("value",))),
+    ),
+)
+"""Every MAVLink input, in the order in which the rows of one message are numbered.
+
+The named values of :data:`NAMED_INPUTS` come besides, by :func:`named_source`.
+"""
+
+RANKING: dict[str, tuple[str, ...]] = {
+    "imu": ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU"),
+    "attitude": ("ATTITUDE_QUATERNION", "ATTITUDE"),
+    "gps": ("GPS_RAW_INT", "GPS2_RAW"),
+    "nav": ("GLOBAL_POSITION_INT",),
+    "airspeed": ("AIRSPEED", "SCALED_PRESSURE", "HIGHRES_IMU", "NAMED_VALUE_FLOAT", "VFR_HUD"),
+    "baro": ("SCALED_PRESSURE", "HIGHRES_IMU"),
+    "aoa": ("NAMED_VALUE_FLOAT", "SENSOR_AIRFLOW_ANGLES"),
+    "spool": ("RPM", "RAW_RPM", "EFI_STATUS", "ESC_TELEMETRY", "NAMED_VALUE_FLOAT"),
+    "servo": ("SERVO_OUTPUT_RAW",),
+    "heartbeat": ("HEARTBEAT",),
+    "landed": ("EXTENDED_SYS_STATE",),
+    "sys_status": ("SYS_STATUS",),
+    "param": ("PARAM_VALUE",),
+    "text": ("STATUSTEXT",),
+    "named": ("NAMED_VALUE_FLOAT",),
+}
+"""Quantity -> sources, best first. AOA_SSA is computed by ArduPilot, not a vane: it is used only
+where a configuration ranks it."""
+
+RANKING_BY_AUTOPILOT: dict[int, dict[str, tuple[str, ...]]] = {
+    AUTOPILOT_PX4: {"imu": ("SCALED_IMU", "RAW_IMU", "HIGHRES_IMU")},
+}
+"""What differs by HEARTBEAT.autopilot: PX4 takes its filter's bias estimate out of HIGHRES_IMU."""
+
+STAMPS: dict[str, tuple[str, Stamp, int]] = {
+    "HIGHRES_IMU": ("time_usec", Stamp.USEC, 1),
+    "RAW_IMU": ("time_usec", Stamp.USEC, 1),
+    "SCALED_IMU": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SCALED_IMU2": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SCALED_IMU3": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "ATTITUDE": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "ATTITUDE_QUATERNION": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "GLOBAL_POSITION_INT": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SCALED_PRESSURE": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SCALED_PRESSURE2": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SCALED_PRESSURE3": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SYSTEM_TIME": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SENSOR_AIRFLOW_ANGLES": ("timestamp", Stamp.USEC, 1),
+    "AOA_SSA": ("time_usec", Stamp.USEC, 1),
+    "NAMED_VALUE_FLOAT": ("time_boot_ms", Stamp.BOOT_MS, 1000),
+    "SERVO_OUTPUT_RAW": ("time_usec", Stamp.USEC_32, 1),
+    "GPS_RAW_INT": ("time_usec", Stamp.FIX, 1),
+    "GPS2_RAW": ("time_usec", Stamp.FIX, 1),
+}
+"""Message -> field with its stamp, how to read it, microseconds per unit. Others have none."""
+
+FOLLOWS_COMPONENTS: Mapping[str, frozenset[int] | None] = {
+    "STATUSTEXT": None,
+    "NAMED_VALUE_FLOAT": None,
+}
+"""Messages taken from other components than the autopilot's (None: from any but our own).
+
+A named value counts as a *sensor* only from the components that sensors are taken from.
+"""

@@ -1,0 +1,508 @@
+"""MAVLink bytes to batches of samples, sans-IO, the same for a live link and a log.
+
+Per block of bytes: the framer finds checked frames, frames of one message are decoded together
+as numpy structured views, the clock gives each its vehicle time, the catalogue turns them into
+checked rows, the ranking picks the source of each sensor, and rows are numbered in arrival order.
+
+Which system is the vehicle is fixed by the first HEARTBEAT of an autopilot. Frames that come before
+it, and before the first stamp of its clock, are held back (8192 at most) and then used, so that
+nothing of the stream's beginning is lost. If none comes within that bound, or the stream ends, the
+system that sent most frames as component 1 is taken.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from links import catalog
+from links.catalog import Source
+from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
+from links.mavlink.dialect import Message, load_dialect
+from links.mavlink.framing import Framer, Frames
+from links.mavlink.rows import build_rows, gather_payloads, instances
+from links.ranking import Candidate, SourceRanking
+from links.samples import Batch, Rows
+from links.vocabulary import Rejection
+
+__all__ = ["Counters", "Decoder", "DecoderOptions", "Vehicle"]
+
+_AUTOPILOT_INVALID = 8
+_INTEGER_PARAM_TYPES = 6  # MAV_PARAM_TYPE_UINT8 ... INT32 are 1 ... 6
+
+Rejected = Counter[tuple[str, Rejection]]
+Group = tuple[NDArray[np.int64], Rows]  # indices of the frames, their payloads
+
+
+@dataclass(frozen=True, slots=True)
+class DecoderOptions:
+    """How a stream is read; the defaults suit ArduPilot and PX4.
+
+    Attributes
+    ----------
+    dialect
+        MAVLink dialect that pymavlink ships.
+    system_id
+        The vehicle; None takes the first that sends an autopilot's HEARTBEAT.
+    autopilot_component
+        Component that sensors are taken from and whose stamps make the clock.
+    own_component
+        What carries this component id of the vehicle's system is our own output, never an input.
+    components
+        Message -> component ids to take it from, where not the autopilot's alone.
+    ranking
+        Quantity -> source keys, best first; replaces the entries of ``catalog.RANKING``.
+    named_inputs
+        NAMED_VALUE_FLOAT name -> (sensor, field, factor to SI).
+    airspeed_ratio
+        ARSPD_RATIO until a PARAM_VALUE tells it.
+    source_timeout_us
+        Silence of a source after which the next in rank steps in [us].
+    settle_us
+        Time before a synthetic source (VFR_HUD.airspeed) is used [us].
+    hold_back
+        Bound of what is kept until the vehicle is known [frames].
+    """
+
+    dialect: str = "ardupilotmega"
+    system_id: int | None = None
+    autopilot_component: int = 1
+    own_component: int = 191
+    components: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    ranking: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    named_inputs: Mapping[str, tuple[str, str, float]] = field(
+        default_factory=lambda: dict(catalog.NAMED_INPUTS)
+    )
+    airspeed_ratio: float = 2.0
+    source_timeout_us: int = 2_000_000
+    settle_us: int = 2_000_000
+    hold_back: int = 8192
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """Who is watched: MAVLink system id, MAV_AUTOPILOT and MAV_TYPE numbers."""
+
+    system_id: int
+    autopilot: int
+    type: int
+
+
+@dataclass(slots=True)
+class Counters:
+    """What went through a decoder.
+
+    Attributes
+    ----------
+    bytes, bad_bytes
+        Bytes fed, and those that belonged to no frame.
+    messages
+        Checked frames of all systems.
+    by_name
+        Message name -> checked frames; an unknown message counts under ``"#<number>"``.
+    by_source
+        (system, component) -> checked frames.
+    lost
+        Frames missing from the sequence numbers of all senders (modulo 256, so at least).
+    reboots
+        Times the vehicle's clock began anew.
+    """
+
+    bytes: int = 0
+    bad_bytes: int = 0
+    messages: int = 0
+    lost: int = 0
+    reboots: int = 0
+    by_name: Counter[str] = field(default_factory=Counter)
+    by_source: Counter[tuple[int, int]] = field(default_factory=Counter)
+
+
+class Decoder:
+    """Turns a MAVLink byte stream into batches; never raises on what the bytes are.
+
+    Parameters
+    ----------
+    options
+        See :class:`DecoderOptions`.
+    stamped
+        The stream is a telemetry log: an 8-byte stamp before each frame.
+
+    Attributes
+    ----------
+    counters, vehicle
+        See :class:`Counters`, :class:`Vehicle`; ``vehicle`` is None until one is known.
+    sources
+        Sensor -> message name -> rows used of it.
+    frames
+        Frames of the last ``feed``, for who needs the stamps of a log.
+    host_us
+        Host time given with the last ``feed`` [us], or None.
+
+    Raises
+    ------
+    ValueError
+        When pymavlink has no such dialect, or a ranking names no known quantity.
+    """
+
+    def __init__(self, options: DecoderOptions | None = None, *, stamped: bool = False) -> None:
+        self.options = options or DecoderOptions()
+        self._dialect = load_dialect(self.options.dialect)
+        self._framer = Framer(self._dialect, stamped=stamped)
+        self._clock = VehicleClock()
+        self._select = SourceRanking(self.options.source_timeout_us, self.options.settle_us)
+        self._held: Frames | None = Frames.at(b"", [])
+        self._system = -1
+        self._seq = 0
+        self._first_t_us: int | None = None
+        self._ratio: dict[int, float] = {}
+        self._sequence: dict[int, int] = {}
+        self._sources: dict[int, list[tuple[int, int, Source]]] = {}
+        self._stamps = {
+            m.id: (wire, kind, unit)
+            for name, (wire, kind, unit) in catalog.STAMPS.items()
+            if (m := self._dialect.by_name.get(name)) is not None
+        }
+        self._rank(None)
+        self.counters = Counters()
+        self.vehicle: Vehicle | None = None
+        self.sources: dict[str, Counter[str]] = {}
+        self.frames = Frames.at(b"", [])
+        self.host_us: int | None = None
+
+    # ------------------------------------------------------------------ public
+
+    def feed(self, data: bytes, host_us: int | None = None) -> Batch:
+        """Samples of the messages that ``data`` completes."""
+        self.host_us = host_us
+        return self._decode(self._framer.feed(data), final=False)
+
+    def finish(self) -> Batch:
+        """Samples of what still waited: the stream has ended."""
+        return self._decode(self._framer.finish(), final=True)
+
+    @property
+    def clock(self) -> VehicleClock:
+        """The vehicle's clock, to read."""
+        return self._clock
+
+    # ------------------------------------------------------------------ set-up
+
+    def _rank(self, autopilot: int | None) -> None:
+        """Sources by message number, each with its rank and its order within one frame."""
+        ranking = dict(catalog.RANKING)
+        ranking.update(catalog.RANKING_BY_AUTOPILOT.get(-1 if autopilot is None else autopilot, {}))
+        if strange := set(self.options.ranking) - set(ranking):
+            raise ValueError(f"no quantity is called {', '.join(sorted(map(repr, strange)))}")
+        ranking.update(self.options.ranking)
+        named = (
+            catalog.named_source(name, sensor, into, scale)
+            for name, (sensor, into, scale) in self.options.named_inputs.items()
+        )
+        self._sources = {}
+        for order, source in enumerate((*catalog.SOURCES, *named)):
+            message = self._dialect.by_name.get(source.message)
+            keys = ranking[source.quantity]
+            if message is not None and source.key in keys:
+                entry = (keys.index(source.key), order, source)
+                self._sources.setdefault(message.id, []).append(entry)
+
+    # ------------------------------------------------------------------ frames
+
+    def _decode(self, frames: Frames, *, final: bool) -> Batch:
+        rejected = self._framer.take_rejected()
+        self._count(frames)
+        self.frames = frames
+        if self._held is not None:
+            frames = self._hold(Frames.join(self._held, frames), rejected, final)
+        rows = self._rows(frames, rejected) if len(frames) else {}
+        self.counters.reboots = self._clock.reboots
+        return Batch(rows, rejected)
+
+    def _count(self, frames: Frames) -> None:
+        counters = self.counters
+        counters.bytes, counters.bad_bytes = self._framer.bytes, self._framer.bad_bytes
+        counters.messages += len(frames)
+        if self._framer.unknown:
+            for number, n in self._framer.unknown.items():
+                counters.by_name[f"#{number}"] += n
+            self._framer.unknown.clear()
+        if not len(frames):
+            return
+        for number, n in _tally(frames.message):
+            counters.by_name[self._dialect.by_id[number].name] += n
+        sender = frames.system << 8 | frames.component
+        for key, n in _tally(sender):
+            counters.by_source[key >> 8, key & 0xFF] += n
+            sequence = frames.sequence[sender == key]
+            gaps = np.diff(sequence, prepend=self._sequence.get(key, int(sequence[0]) - 1))
+            counters.lost += int(np.sum((gaps - 1) & 0xFF))
+            self._sequence[key] = int(sequence[-1])
+
+    def _hold(self, held: Frames, rejected: Rejected, final: bool) -> Frames:
+        """Frames to use now: none until the vehicle and its clock are known, then all."""
+        bound = self.options.hold_back
+        nothing = Frames.at(b"", [])
+        while True:
+            head = held.take(slice(0, bound))
+            known = self._find_vehicle(head)
+            if known:
+                mine = (head.system == self._system) & (
+                    head.component == self.options.autopilot_component
+                )
+                first = self._first_stamp(head.take(mine))
+                if first is not None:
+                    self._clock.prime(first)
+                    break
+            if len(held) < bound and not final:
+                self._held = held
+                return nothing
+            if known or self._guess_vehicle(head):
+                break
+            reason = Rejection.OTHER_SYSTEM if final else Rejection.OVERFLOW
+            if len(head):
+                rejected["frame", reason] += len(head)
+            held = held.take(slice(bound, None))
+            if not len(held):
+                self._held = nothing
+                return nothing
+        self._held = None
+        return held
+
+    def _find_vehicle(self, frames: Frames) -> bool:
+        """Fix the vehicle by the first HEARTBEAT of an autopilot."""
+        message = self._dialect.by_name["HEARTBEAT"]
+        beats = frames.take(
+            (frames.message == message.id) & (frames.component == self.options.autopilot_component)
+        )
+        wanted = self.options.system_id
+        for system, beat in zip(beats.system, gather_payloads(beats, message), strict=True):
+            if beat["autopilot"] != _AUTOPILOT_INVALID and wanted in (None, int(system)):
+                self._system = int(system)
+                self.vehicle = Vehicle(self._system, int(beat["autopilot"]), int(beat["type"]))
+                self._rank(self.vehicle.autopilot)
+                return True
+        return False
+
+    def _guess_vehicle(self, frames: Frames) -> bool:
+        """Without a HEARTBEAT: the configured system, else who sent most as component 1."""
+        mine = frames.system[frames.component == self.options.autopilot_component]
+        wanted = self.options.system_id
+        if wanted is None:
+            if not len(mine):
+                return False
+            wanted = int(np.argmax(np.bincount(mine)))
+        elif not np.any(mine == wanted):
+            return False
+        self._system = wanted
+        self.vehicle = Vehicle(wanted, 0, 0)
+        first = self._first_stamp(
+            frames.take(
+                (frames.system == wanted) & (frames.component == self.options.autopilot_component)
+            )
+        )
+        if first is not None:
+            self._clock.prime(first)
+        return True
+
+    def _first_stamp(self, frames: Frames) -> int | None:
+        """Earliest-arrived stamp that drives the clock [us]."""
+        kind, raw, _ = self._read_stamps(len(frames), self._groups(frames))
+        driving = (
+            ((kind == Stamp.BOOT_MS) | (kind == Stamp.USEC)) & (raw > 0) & (raw < UNIX_FROM_US)
+        )
+        return int(raw[np.argmax(driving)]) if driving.any() else None
+
+    # ------------------------------------------------------------------ rows
+
+    def _groups(self, frames: Frames) -> dict[int, Group]:
+        """Message number -> indices and payloads of its frames, for messages of the catalogue."""
+        order = np.argsort(frames.message, kind="stable")
+        numbers = frames.message[order]
+        edges = np.flatnonzero(np.diff(numbers)) + 1
+        groups = {}
+        for index in np.split(order, edges) if len(order) else ():
+            number = int(frames.message[index[0]])
+            if number in self._sources or number in self._stamps:
+                message = self._dialect.by_id[number]
+                groups[number] = (index, gather_payloads(frames.take(index), message))
+        return groups
+
+    def _read_stamps(
+        self, n: int, groups: Mapping[int, Group]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[int, int]]:
+        """Kind and value [us] of each frame's stamp, and the Unix time that SYSTEM_TIME pairs."""
+        kind, raw = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        unix: dict[int, int] = {}
+        for number, (index, payload) in groups.items():
+            if number not in self._stamps:
+                continue
+            wire, stamp, unit = self._stamps[number]
+            value = payload[wire]
+            if stamp is Stamp.USEC or stamp is Stamp.FIX:
+                value = np.where(value < 1 << 62, value, 0)
+            kind[index] = stamp
+            raw[index] = value.astype(np.int64) * unit
+            if number == self._dialect.by_name["SYSTEM_TIME"].id:
+                pairs = zip(index.tolist(), payload["time_unix_usec"].tolist(), strict=True)
+                unix.update((i, u) for i, u in pairs if UNIX_FROM_US <= u < 1 << 62)
+        return kind, raw, unix
+
+    def _rows(self, frames: Frames, rejected: Rejected) -> dict[str, Rows]:
+        options = self.options
+        mine = (frames.system == self._system) & (frames.component != options.own_component)
+        if others := int(len(mine) - np.count_nonzero(mine)):
+            rejected["frame", Rejection.OTHER_SYSTEM] += others
+            frames = frames.take(mine)
+        groups = self._groups(frames)
+        kind, raw, unix = self._read_stamps(len(frames), groups)
+        from_autopilot = frames.component == options.autopilot_component
+        kind[~from_autopilot] = Stamp.NONE
+        unix = {i: u for i, u in unix.items() if from_autopilot[i]}
+        times = self._clock.advance(kind, raw, frames.message, unix)
+        if self._first_t_us is None and times.ok.any():
+            self._first_t_us = int(times.t_us[np.argmax(times.ok)])
+        ratios = self._ratios(groups, from_autopilot)
+        offers: dict[str, list[Candidate]] = {}
+        for number, (index, payload) in groups.items():
+            message = self._dialect.by_id[number]
+            if message.name == "PARAM_VALUE":
+                payload = self._param_bits(payload)
+            for rank, order, source in self._sources.get(number, ()):
+                for sensor, candidate in self._offers(
+                    source, message, index, payload, frames.component, times, ratios, rejected
+                ):
+                    candidate.rank, candidate.order = rank, order
+                    offers.setdefault(sensor, []).append(candidate)
+        return self._number(offers)
+
+    def _offers(
+        self,
+        source: Source,
+        message: Message,
+        index: NDArray[np.int64],
+        payload: Rows,
+        component: NDArray[np.int64],
+        times: ClockResult,
+        ratios: Mapping[int, list[tuple[int, float]]],
+        rejected: Rejected,
+    ) -> Iterable[tuple[str, Candidate]]:
+        """Usable rows that ``source`` gives from the payloads of its message."""
+        allowed = self.options.components.get(message.name)
+        anyone = (
+            allowed is None
+            and message.name in catalog.FOLLOWS_COMPONENTS
+            and source.quantity in ("text", "named")
+        )
+        take = np.ones(len(index), np.bool_)
+        if not anyone:
+            ids = allowed if allowed is not None else {self.options.autopilot_component}
+            take = np.isin(component[index], list(ids))
+            if source.quantity == "heartbeat":
+                take &= payload["autopilot"] != _AUTOPILOT_INVALID
+        if source.named is not None:
+            take &= payload["name"] == source.named.encode()
+        if source.only is not None:
+            take &= source.only(payload)
+        if not take.all():
+            index, payload = index[take], payload[take]
+        if not len(index):
+            return
+        for sensor, mask in instances(source, payload):
+            at, part = (index, payload) if mask is None else (index[mask], payload[mask])
+            if sensor == source.quantity and source.instance is not None:
+                rejected[sensor, Rejection.OUT_OF_RANGE] += len(at)
+                continue
+            ratio = self._ratio_at(sensor, at, ratios) if source.ratio else None
+            rows, good = build_rows(source, sensor, part, rejected, ratio)
+            ok = times.ok[at]
+            for i in at[good & ~ok].tolist():
+                rejected[sensor, times.reason[i]] += 1
+            good &= ok
+            rows["t_us"] = times.t_us[at]
+            if source.quantity == "gps":
+                rows["stamp_us"] = times.stamp_us[at]
+            if not good.all():
+                rows, at = rows[good], at[good]
+            if len(rows):
+                yield sensor, Candidate(0, source.synthetic, message.name, at, 0, rows)
+
+    def _number(self, offers: Mapping[str, list[Candidate]]) -> dict[str, Rows]:
+        """Pick each sensor's rows and number all of them in arrival order."""
+        first = self._first_t_us or 0
+        picked: dict[str, list[Candidate]] = {}
+        for sensor, candidates in offers.items():
+            chosen = [c for c in self._select.select(sensor, candidates, first) if len(c.rows)]
+            if chosen:
+                picked[sensor] = chosen
+        parts = [c for chosen in picked.values() for c in chosen]
+        if not parts:
+            return {}
+        frame = np.concatenate([c.frame for c in parts])
+        order = np.concatenate([np.full(len(c.frame), c.order) for c in parts])
+        place = np.empty(len(frame), np.int64)
+        place[np.lexsort((order, frame))] = np.arange(len(frame))
+        at = 0
+        for c in parts:
+            c.rows["seq"] = self._seq + place[at : at + len(c.rows)]
+            at += len(c.rows)
+        self._seq += len(frame)
+        rows = {}
+        for sensor, chosen in picked.items():
+            used = self.sources.setdefault(sensor, Counter())
+            for c in chosen:
+                used[c.message] += len(c.rows)
+            if len(chosen) == 1:
+                rows[sensor] = chosen[0].rows
+            else:
+                merged = np.concatenate([c.rows for c in chosen])
+                rows[sensor] = merged[np.argsort(merged["seq"])]
+        return rows
+
+    # ------------------------------------------------------------------ parameters
+
+    def _ratios(
+        self, groups: Mapping[int, Group], from_autopilot: NDArray[np.bool_]
+    ) -> dict[int, list[tuple[int, float]]]:
+        """Pitot number -> (frame, ARSPD_RATIO from there on), the state before the block first."""
+        ratios = {k: [(-1, v)] for k, v in self._ratio.items()}
+        group = groups.get(self._dialect.by_name["PARAM_VALUE"].id)
+        if group is None:
+            return ratios
+        index, payload = group
+        for row in np.flatnonzero(np.char.startswith(payload["param_id"], b"ARSPD")):
+            name, value = payload["param_id"][row], float(payload["param_value"][row])
+            pitot = {b"ARSPD_RATIO": 0, b"ARSPD2_RATIO": 1, b"ARSPD3_RATIO": 2}.get(bytes(name))
+            if pitot is None or not from_autopilot[index[row]] or not 0.1 < value < 20.0:
+                continue
+            default = [(-1, self.options.airspeed_ratio)]
+            ratios.setdefault(pitot, default).append((int(index[row]), value))
+            self._ratio[pitot] = value
+        return ratios
+
+    def _ratio_at(
+        self, sensor: str, at: NDArray[np.int64], ratios: Mapping[int, list[tuple[int, float]]]
+    ) -> NDArray[np.float64]:
+        steps = ratios.get(int(sensor[-1]), [(-1, self.options.airspeed_ratio)])
+        frame = np.array([f for f, _ in steps])
+        value = np.array([v for _, v in steps])
+        return np.asarray(value[np.searchsorted(frame, at, side="right") - 1], dtype=np.float64)
+
+    def _param_bits(self, payload: Rows) -> Rows:
+        """PX4 sends integer parameters as their bits in the float field; ArduPilot as values."""
+        if self.vehicle is None or self.vehicle.autopilot != catalog.AUTOPILOT_PX4:
+            return payload
+        integer = (payload["param_type"] >= 1) & (payload["param_type"] <= _INTEGER_PARAM_TYPES)
+        payload = payload.copy()
+        bits = np.ascontiguousarray(payload["param_value"]).view("<i4")
+        payload["param_value"] = np.where(integer, bits, payload["param_value"])
+        return payload
+
+
+def _tally(values: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Each different value and how often it comes."""
+    different, counts = np.unique(values, return_counts=True)
+    return list(zip(different.tolist(), counts.tolist(), strict=True))

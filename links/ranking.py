@@ -1,0 +1,98 @@
+"""First usable wins: which of several messages speaks for a sensor.
+
+A row of a source is used when no better source of the same sensor has given a usable row within
+the last ``timeout``; so a better source takes over with its first row, and when it falls silent the
+next one steps in. A *synthetic* source (VFR_HUD.airspeed, the autopilot's own mixture) never steps
+in for a sensor that has spoken: that would hide a dead sensor. It is used only where no better
+source has spoken at all, and only after ``settle`` of vehicle time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from links.samples import Rows
+
+__all__ = ["Candidate", "SourceRanking"]
+
+_NEVER = np.iinfo(np.int64).min
+
+
+@dataclass(slots=True)
+class Candidate:
+    """Usable rows that one source offers for one sensor, in arrival order.
+
+    Attributes
+    ----------
+    rank
+        Place of the source, 0 the best.
+    frame : (n,) int64
+        Arrival index of the frame of each row, ascending.
+    order
+        Breaks ties between rows of one frame.
+    """
+
+    rank: int
+    synthetic: bool
+    message: str
+    frame: NDArray[np.int64]
+    order: int
+    rows: Rows
+
+    def take(self, mask: NDArray[np.bool_]) -> Candidate:
+        """Some of the rows."""
+        return Candidate(
+            self.rank, self.synthetic, self.message, self.frame[mask], self.order, self.rows[mask]
+        )
+
+
+class SourceRanking:
+    """Chooses among the sources of each sensor; keeps when each last spoke.
+
+    Parameters
+    ----------
+    timeout_us
+        Silence after which the next source steps in [us].
+    settle_us
+        Vehicle time from its first stamp before a synthetic source may be used [us].
+    """
+
+    def __init__(self, timeout_us: int, settle_us: int) -> None:
+        self._timeout_us = timeout_us
+        self._settle_us = settle_us
+        self._spoke: dict[str, dict[int, int]] = {}
+
+    def select(self, sensor: str, candidates: list[Candidate], first_t_us: int) -> list[Candidate]:
+        """The rows to use, as consecutive blocks would have given them one by one."""
+        spoke = self._spoke.setdefault(sensor, {})
+        if len(candidates) == 1 and not spoke.keys() - {candidates[0].rank}:
+            only = candidates[0]
+            if not only.synthetic:
+                if len(only.rows):
+                    spoke[only.rank] = int(only.rows["t_us"][-1])
+                return candidates
+        chosen = []
+        for c in candidates:
+            t = c.rows["t_us"]
+            better = np.full(len(t), _NEVER)
+            for rank, last in spoke.items():
+                if rank < c.rank:
+                    np.maximum(better, last, out=better)
+            for b in candidates:
+                if b.rank < c.rank and len(b.frame):
+                    before = np.searchsorted(b.frame, c.frame) - 1
+                    latest = np.where(before >= 0, b.rows["t_us"][np.maximum(before, 0)], _NEVER)
+                    np.maximum(better, latest, out=better)
+            silent = better == _NEVER
+            if c.synthetic:
+                use = silent & (t >= first_t_us + self._settle_us)
+            else:
+                use = silent | (t > np.where(silent, 0, better) + self._timeout_us)
+            chosen.append(c if use.all() else c.take(use))
+        for c in candidates:
+            if len(c.rows):
+                spoke[c.rank] = max(int(c.rows["t_us"][-1]), spoke.get(c.rank, _NEVER))
+        return chosen
