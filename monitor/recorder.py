@@ -1,0 +1,112 @@
+"""Keeps the raw link as telemetry logs, within a bound on the disk.
+
+What is recorded is what was received, frame by frame with its arrival, before anything judged it:
+``mavsentry analyze`` on a recording gives the verdicts of the flight again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from links.logs.tlog import TlogWriter
+from links.mavlink.dialect import load_dialect
+from links.mavlink.framing import Framer, Frames
+from monitor.settings.recorder import RecorderSettings
+
+__all__ = ["Recorder", "whole_frames"]
+
+_MAVLINK_2 = 0xFD
+_SIGNED = 0x01
+_STAMP_BYTES, _CHECKSUM_BYTES, _SIGNATURE_BYTES = 8, 2, 13
+_PATTERN = "mavsentry-*.tlog"
+
+
+def whole_frames(frames: Frames) -> Iterator[tuple[bytes, int]]:
+    """Bytes of each frame from its magic to its checksum or signature, and its stamp [us]."""
+    columns = (frames.start, frames.payload, frames.length, frames.stamp_us)
+    for start, payload, length, stamp_us in zip(*(c.tolist() for c in columns), strict=True):
+        end = payload + length + _CHECKSUM_BYTES
+        if frames.data[start] == _MAVLINK_2 and frames.data[start + 2] & _SIGNED:
+            end += _SIGNATURE_BYTES
+        yield frames.data[start:end], stamp_us
+
+
+class Recorder:
+    """Writes received bytes into ``DIR/mavsentry-<start in UTC>-<number>.tlog``.
+
+    Parameters
+    ----------
+    folder
+        Made if it is not there.
+    settings
+        Bounds of a file and of the folder.
+    dialect
+        Whose frames are recognised.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be made or written to.
+    """
+
+    def __init__(
+        self, folder: Path, settings: RecorderSettings, dialect: str = "ardupilotmega"
+    ) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+        self._file_max = settings.file_max_mb * 1e6
+        self._total_max = settings.total_max_mb * 1e6
+        self._framer = Framer(load_dialect(dialect))
+        self._unix_from_host_us = time.time_ns() // 1000 - time.monotonic_ns() // 1000
+        self._stem = time.strftime("mavsentry-%Y%m%dT%H%M%SZ", time.gmtime())
+        self._newest_us = time.time_ns() // 1000
+        self._number = 0
+        self._written = 0
+        self._writer = self._open()
+
+    @property
+    def path(self) -> Path:
+        """The file being written."""
+        return self._folder / f"{self._stem}-{self._number:03d}.tlog"
+
+    def take(self, data: bytes, host_us: int) -> None:
+        """Record the frames that these bytes complete, stamped with their arrival."""
+        self._newest_us = self._unix_from_host_us + host_us
+        self._write(self._framer.feed(data))
+        if self._written > self._file_max:
+            self._writer.close()
+            self._number += 1
+            self._writer = self._open()
+
+    def close(self) -> None:
+        """Record what still waited for more bytes, and finish the file."""
+        self._write(self._framer.finish())
+        self._writer.close()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _write(self, frames: Frames) -> None:
+        for frame, _ in whole_frames(frames):
+            self._writer.write(frame, self._newest_us)
+            self._written += _STAMP_BYTES + len(frame)
+
+    def _open(self) -> TlogWriter:
+        self._written = 0
+        self._make_room()
+        return TlogWriter(self.path)
+
+    def _make_room(self) -> None:
+        """Delete the oldest recordings so that with one more full file the folder is in bounds."""
+        kept = sorted(self._folder.glob(_PATTERN), key=lambda p: (p.stat().st_mtime_ns, p.name))
+        total = sum(p.stat().st_size for p in kept)
+        for old in kept:
+            if total + self._file_max <= self._total_max:
+                return
+            total -= old.stat().st_size
+            old.unlink()

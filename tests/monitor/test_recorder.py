@@ -1,0 +1,78 @@
+"""The recorder keeps every frame that was received, within its bounds."""
+
+import os
+
+from pymavlink.dialects.v20 import ardupilotmega as wire
+
+from links.mavlink.dialect import load_dialect
+from links.mavlink.framing import Framer
+from monitor.recorder import Recorder, whole_frames
+from monitor.settings.recorder import RecorderSettings
+
+
+def frames(count: int, *, signed: bool = False) -> list[bytes]:
+    mav = wire.MAVLink(None, srcSystem=1, srcComponent=1)
+    if signed:
+        mav.signing.secret_key = bytes(range(32))
+        mav.signing.sign_outgoing = True
+        mav.signing.timestamp = 1
+    return [
+        mav.attitude_encode(k, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0).pack(mav, force_mavlink1=k % 3 == 1)
+        for k in range(count)
+    ]
+
+
+def read_back(folder) -> list[tuple[bytes, int]]:
+    out = []
+    for file in sorted(folder.glob("*.tlog")):
+        framer = Framer(load_dialect(), stamped=True)
+        out += list(whole_frames(framer.feed(file.read_bytes())))
+        out += list(whole_frames(framer.finish()))
+        assert framer.bad_bytes == 0
+    return out
+
+
+def test_what_was_received_is_read_back_frame_by_frame(tmp_path):
+    sent = frames(60) + frames(60, signed=True)
+    with Recorder(tmp_path, RecorderSettings()) as recorder:
+        stream = b"".join(sent)
+        for k in range(0, len(stream), 37):
+            recorder.take(stream[k : k + 37], 1_000_000 + k)
+    back = read_back(tmp_path)
+    assert [frame for frame, _ in back] == sent
+    stamps = [stamp for _, stamp in back]
+    assert stamps == sorted(stamps)
+    assert stamps[-1] - stamps[0] > 0.9 * len(stream) - 100
+
+
+def test_bytes_that_are_no_frame_are_not_recorded(tmp_path):
+    sent = frames(3)
+    with Recorder(tmp_path, RecorderSettings()) as recorder:
+        recorder.take(b"garbage" + sent[0] + b"\xfe\xfd" + sent[1] + sent[2], 0)
+        recorder.take(frames(1)[0], 1)
+    assert [frame for frame, _ in read_back(tmp_path)] == [*sent, sent[0]]
+
+
+def test_files_are_bounded_and_the_oldest_go_first(tmp_path):
+    old = tmp_path / "mavsentry-20200101T000000Z-000.tlog"
+    old.write_bytes(bytes(50_000))
+    os.utime(old, (1.0, 1.0))
+    other = tmp_path / "flight.tlog"
+    other.write_bytes(bytes(90_000))
+    settings = RecorderSettings(file_max_mb=0.01, total_max_mb=0.03)
+    with Recorder(tmp_path, settings) as recorder:
+        for k, frame in enumerate(frames(2000)):
+            recorder.take(frame, k)
+    kept = sorted(tmp_path.glob("mavsentry-*.tlog"))
+    assert old not in kept
+    assert other.exists()
+    assert sum(p.stat().st_size for p in kept) <= 31_000
+    assert all(p.stat().st_size <= 10_100 for p in kept)
+    newest = read_back_last(kept)
+    assert newest == frames(2000)[-1]
+
+
+def read_back_last(kept) -> bytes:
+    framer = Framer(load_dialect(), stamped=True)
+    data = kept[-1].read_bytes() or kept[-2].read_bytes()
+    return list(whole_frames(framer.feed(data)))[-1][0]
