@@ -1,1 +1,40 @@
-"""A synthetic vehicle: truth, what its sensors say, what breaks, and the MAVLink that follows."""
+"""A synthetic vehicle: truth, what its sensors say, what breaks, and the MAVLink that follows.
+
+From the bottom up, each layer usable alone:
+
+=============  ====================================================================================
+module         gives
+=============  ====================================================================================
+earth          rotating sphere, gravity, standard atmosphere, calibrated airspeed
+airframe       three aircraft classes: transport, light-aircraft, small-uav
+flightplan     manoeuvres, chained, as analytic profiles
+wind           constant, ramp, shear, gust, Dryden turbulence
+trajectory     ``fly(plan, wind) -> Truth``: exact arrays on an even grid
+faults         every fault of the papers, and the pressure physics of blocked tubes
+sensors        what the instruments of an aircraft deliver, with their errors and times
+papers         the experiments of lu2016, wan2018 and wan2016 as arrays
+scenario       a flight, its instruments and faults as a TOML file
+player         a scenario as the MAVLink frames of an autopilot, and the truth beside it
+=============  ====================================================================================
+
+Arrays for the papers' estimators, without MAVLink::
+
+    from sim_feeds.papers import lu2016_experiment, wan2016_experiment, wan_experiment
+
+    e = lu2016_experiment("turbulence", seed=3)      # 40 s at 100 Hz, Table 2 faults 10-30 s
+    e.u_m, e.y_ground, e.env, e.f, e.x_ground        # (4001, 6), (4001, 6), (4001, 2) ...
+    e.x_air, e.y_air                                 # [u v w ...], [V alpha beta ...]
+
+    w = wan2016_experiment(6, seed=1)                # row 6 of Table 1: two airspeeds run away
+    w.theta, w.v_z_m_s, w.aoa_rad, w.cas_m_s         # a row each 0.048 s, 3 vanes, 3 airspeeds
+    w.x, w.cas_true_m_s, w.faulty                    # truth
+
+    from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
+    fall = -15.0 * KNOT_M_S
+    w = wan_experiment(
+        [Fault(f"airspeed{i}", FaultKind.RUNAWAY, 20.0, rate=fall) for i in range(3)], seed=1
+    )
+
+A healthy experiment has no faults: ``lu2016_experiment(faults=[])``, ``wan_experiment([])``.
+Everything random follows from ``seed``; the same seed gives the same bits.
+"""
