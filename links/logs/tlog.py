@@ -122,7 +122,13 @@ def read_tlog(
 
 
 class TlogWriter:
-    """Writes frames with their stamps; usable as a context manager."""
+    """Writes frames with their stamps; usable as a context manager.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be made or written to.
+    """
 
     def __init__(self, path: Path | str) -> None:
         self._file: IO[bytes] = open(path, "wb", buffering=1 << 16)  # noqa: SIM115
