@@ -6,17 +6,13 @@ then ask ``reader.info``.
 
 from pathlib import Path
 
-from links.logs.tlog import LogInfo, TlogReader, TlogWriter, read_tlog
+from links.logs.tlog import LogError, LogInfo, TlogReader, TlogWriter, read_tlog
 from links.mavlink.decode import DecoderOptions
 
 __all__ = ["LogError", "LogInfo", "TlogReader", "TlogWriter", "open_log", "read_tlog"]
 
 _ULOG_MAGIC = b"ULog\x01\x12\x35"
 _DATAFLASH_MAGIC = b"\xa3\x95\x80"
-
-
-class LogError(Exception):
-    """A log file that cannot be used; the message is one plain sentence."""
 
 
 def open_log(path: Path | str, options: DecoderOptions | None = None) -> TlogReader:

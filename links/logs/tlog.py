@@ -14,12 +14,13 @@ from types import TracebackType
 from typing import IO, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from links.mavlink.decode import Decoder, DecoderOptions, Vehicle
 from links.mavlink.framing import NO_STAMP
 from links.samples import Batch
 
-__all__ = ["CHUNK", "LogInfo", "TlogReader", "TlogWriter", "read_tlog"]
+__all__ = ["CHUNK", "LogError", "LogInfo", "TlogReader", "TlogWriter", "read_tlog"]
 
 CHUNK = 1 << 20
 """Bytes read at a time."""
@@ -31,35 +32,53 @@ _MAX_GAPS = 1000
 _STAMP = struct.Struct(">Q")
 
 
+class LogError(Exception):
+    """A log file that cannot be used; the message is one plain sentence."""
+
+
 @dataclass(slots=True)
 class LogInfo:
     """What a log file is; complete when it has been read to its end.
 
     Attributes
     ----------
-    format
-        ``"tlog"``.
-    bytes, messages, bad_bytes
-        Size read, checked frames of all systems, bytes that belonged to no frame.
-    first_t_us
-        Smallest vehicle time of a sample [us], None before the first.
+    path, format
+        The file; ``"tlog"``.
+    bytes, bytes_read
+        Size of the file, and how much of it has been read.
+    messages, bad_bytes
+        Checked frames of all systems; bytes that belonged to no frame.
+    first_t_us, last_t_us
+        Vehicle time of the log's first record and newest vehicle time [us]. The first record may
+        have no time of its own; then the Unix stamps tell how long before the first that has.
     start_unix_us, end_unix_us
-        First and last stamp [us], None without a plausible one.
+        First and last Unix stamp [us], None without one.
     vehicle
-        Whose log it is, None when no autopilot speaks in it.
+        Whose log it is; all zero before it is known.
+    sources
+        Sensor -> messages that it was taken from, the most used first.
     gaps
         (Unix time of the last stamp before the gap [us], its length [us]), the first 1000.
     """
 
+    path: Path
     format: str
     bytes: int = 0
+    bytes_read: int = 0
     messages: int = 0
     bad_bytes: int = 0
-    first_t_us: int | None = None
+    first_t_us: int = 0
+    last_t_us: int = 0
     start_unix_us: int | None = None
     end_unix_us: int | None = None
-    vehicle: Vehicle | None = None
+    vehicle: Vehicle = field(default_factory=lambda: Vehicle(0, 0, 0))
+    sources: dict[str, str] = field(default_factory=dict)
     gaps: list[tuple[int, int]] = field(default_factory=list)
+
+    @property
+    def duration_s(self) -> float:
+        """Vehicle time from the first record to the newest sample [s]."""
+        return (self.last_t_us - self.first_t_us) * 1e-6
 
 
 class TlogReader:
@@ -76,42 +95,61 @@ class TlogReader:
 
     Raises
     ------
-    OSError
-        On iteration, when the file cannot be read.
+    LogError
+        On iteration: the file cannot be read, or no vehicle speaks in it.
     """
 
     def __init__(
         self, path: Path, options: DecoderOptions | None = None, *, chunk: int = CHUNK
     ) -> None:
-        self.path = path
         self.decoder = Decoder(options, stamped=True)
-        self.info = LogInfo("tlog")
+        self.info = LogInfo(path, "tlog")
         self._chunk = chunk
 
     def __iter__(self) -> Iterator[Batch]:
-        with open(self.path, "rb") as file:
-            while data := file.read(self._chunk):
-                yield self._note(self.decoder.feed(data))
+        path = self.info.path
+        try:
+            with open(path, "rb") as file:
+                self.info.bytes = path.stat().st_size
+                while data := file.read(self._chunk):
+                    yield self._note(self.decoder.feed(data))
+        except OSError as error:
+            raise LogError(f"cannot read {path}: {error.strerror or error}") from None
         yield self._note(self.decoder.finish())
+        if self.info.messages == 0:
+            raise LogError(f"{path} has no MAVLink message in it")
+        if self.decoder.vehicle is None:
+            raise LogError(f"{path} has no message of a vehicle in it")
 
     def _note(self, batch: Batch) -> Batch:
-        info, counters = self.info, self.decoder.counters
-        info.bytes, info.bad_bytes = counters.bytes, counters.bad_bytes
-        info.messages, info.vehicle = counters.messages, self.decoder.vehicle
-        for rows in batch.rows.values():
-            first = int(rows["t_us"].min())
-            info.first_t_us = first if info.first_t_us is None else min(first, info.first_t_us)
-        stamps = self.decoder.frames.stamp_us
-        stamps = stamps[stamps != NO_STAMP]
-        if len(stamps):
-            before = stamps[0] if info.end_unix_us is None else info.end_unix_us
-            steps = np.diff(stamps, prepend=before)
-            for i in np.flatnonzero(steps > GAP_US)[: _MAX_GAPS - len(info.gaps)].tolist():
-                info.gaps.append((int(stamps[i] - steps[i]), int(steps[i])))
-            if info.start_unix_us is None:
-                info.start_unix_us = int(stamps[0])
-            info.end_unix_us = int(stamps[-1])
+        info, decoder = self.info, self.decoder
+        info.bytes_read, info.bad_bytes = decoder.counters.bytes, decoder.counters.bad_bytes
+        info.messages, info.vehicle = decoder.counters.messages, decoder.vehicle or info.vehicle
+        info.last_t_us = decoder.clock.newest_us or 0
+        info.sources = {
+            sensor: ", ".join(message for message, _ in used.most_common())
+            for sensor, used in decoder.sources.items()
+        }
+        self._note_stamps(decoder.frames.stamp_us)
+        if decoder.first_stamp is not None:
+            t_us, unix_us = decoder.first_stamp
+            known = unix_us != NO_STAMP and info.start_unix_us is not None
+            before = unix_us - (info.start_unix_us or 0) if known else 0
+            info.first_t_us = t_us - before if 0 <= before <= t_us else t_us
         return batch
+
+    def _note_stamps(self, stamps: NDArray[np.int64]) -> None:
+        info = self.info
+        stamps = stamps[stamps != NO_STAMP]
+        if not len(stamps):
+            return
+        before = stamps[0] if info.end_unix_us is None else info.end_unix_us
+        steps = np.diff(stamps, prepend=before)
+        for i in np.flatnonzero(steps > GAP_US)[: _MAX_GAPS - len(info.gaps)].tolist():
+            info.gaps.append((int(stamps[i] - steps[i]), int(steps[i])))
+        if info.start_unix_us is None:
+            info.start_unix_us = int(stamps[0])
+        info.end_unix_us = int(stamps[-1])
 
 
 def read_tlog(

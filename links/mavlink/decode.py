@@ -141,6 +141,9 @@ class Decoder:
         Frames of the last ``feed``, for who needs the stamps of a log.
     host_us
         Host time given with the last ``feed`` [us], or None.
+    first_stamp
+        Vehicle time of the first frame that drives the clock, and that frame's Unix stamp in a log
+        (``NO_STAMP`` without one) [us]; None before it.
 
     Raises
     ------
@@ -172,6 +175,7 @@ class Decoder:
         self.sources: dict[str, Counter[str]] = {}
         self.frames = Frames.at(b"", [])
         self.host_us: int | None = None
+        self.first_stamp: tuple[int, int] | None = None
 
     # ------------------------------------------------------------------ public
 
@@ -249,14 +253,8 @@ class Decoder:
         while True:
             head = held.take(slice(0, bound))
             known = self._find_vehicle(head)
-            if known:
-                mine = (head.system == self._system) & (
-                    head.component == self.options.autopilot_component
-                )
-                first = self._first_stamp(head.take(mine))
-                if first is not None:
-                    self._clock.prime(first)
-                    break
+            if known and self._prime(head):
+                break
             if len(held) < bound and not final:
                 self._held = held
                 return nothing
@@ -299,22 +297,24 @@ class Decoder:
             return False
         self._system = wanted
         self.vehicle = Vehicle(wanted, 0, 0)
-        first = self._first_stamp(
-            frames.take(
-                (frames.system == wanted) & (frames.component == self.options.autopilot_component)
-            )
-        )
-        if first is not None:
-            self._clock.prime(first)
+        self._prime(frames)
         return True
 
-    def _first_stamp(self, frames: Frames) -> int | None:
-        """Earliest-arrived stamp that drives the clock [us]."""
+    def _prime(self, frames: Frames) -> bool:
+        """Set the clock by the first of the vehicle's stamps that drives it; False without one."""
+        frames = frames.take(
+            (frames.system == self._system) & (frames.component == self.options.autopilot_component)
+        )
         kind, raw, _ = self._read_stamps(len(frames), self._groups(frames))
         driving = (
             ((kind == Stamp.BOOT_MS) | (kind == Stamp.USEC)) & (raw > 0) & (raw < UNIX_FROM_US)
         )
-        return int(raw[np.argmax(driving)]) if driving.any() else None
+        if not driving.any():
+            return False
+        at = int(np.argmax(driving))
+        self.first_stamp = int(raw[at]), int(frames.stamp_us[at])
+        self._clock.prime(self.first_stamp[0])
+        return True
 
     # ------------------------------------------------------------------ rows
 

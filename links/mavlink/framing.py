@@ -59,8 +59,8 @@ class Frames:
     ----------
     data : bytes
         The block that the offsets point into.
-    start, payload, length : (n,) int64 [bytes]
-        Offset of the frame and of its payload, and the payload's size on the wire.
+    start, end, payload, length : (n,) int64 [bytes]
+        Offsets of the frame, of the byte after it and of its payload; the payload's size.
     message, system, component, sequence : (n,) int64
         Header fields.
     stamp_us : (n,) int64 [us]
@@ -69,6 +69,7 @@ class Frames:
 
     data: bytes
     start: NDArray[np.int64]
+    end: NDArray[np.int64]
     payload: NDArray[np.int64]
     length: NDArray[np.int64]
     message: NDArray[np.int64]
@@ -87,7 +88,7 @@ class Frames:
         n = len(start)
         if n == 0:
             none = np.empty(0, np.int64)
-            return Frames(b"", none, none, none, none, none, none, none, none)
+            return Frames(b"", none, none, none, none, none, none, none, none, none)
         raw = np.frombuffer(data, np.uint8)
         head = raw[start[:, None] + np.arange(_HEAD_V1)].astype(np.int64)
         v2 = head[:, 0] == _V2
@@ -106,13 +107,18 @@ class Frames:
             stamp[has] = np.where(value < 1 << 62, value, 0).astype(np.int64)
             stamp[stamp == 0] = NO_STAMP
         payload = start + np.where(v2, _HEAD_V2, _HEAD_V1)
-        return Frames(data, start, payload, head[:, 1], message, system, component, sequence, stamp)
+        signed = v2 & ((head[:, 2] & _SIGNED) != 0)
+        end = payload + head[:, 1] + 2 + np.where(signed, _SIGNATURE, 0)
+        return Frames(
+            data, start, end, payload, head[:, 1], message, system, component, sequence, stamp
+        )
 
     def take(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Frames:
         """Columns of some of the frames, over the same bytes."""
         return Frames(
             self.data,
             self.start[index],
+            self.end[index],
             self.payload[index],
             self.length[index],
             self.message[index],
@@ -134,6 +140,7 @@ class Frames:
         return Frames(
             first.data + second.data,
             both([first.start, second.start + shift]),
+            both([first.end, second.end + shift]),
             both([first.payload, second.payload + shift]),
             both([first.length, second.length]),
             both([first.message, second.message]),

@@ -98,7 +98,7 @@ def build_rows(
         if inside.all() and finite.all():
             continue
         if value.ndim > 1:
-            finite, inside = finite.all(axis=1), inside.all(axis=1)
+            finite, inside = np.all(finite, axis=1), np.all(inside, axis=1)
         _count(rejected, sensor, Rejection.NON_FINITE, good & ~finite)
         _count(rejected, sensor, Rejection.OUT_OF_RANGE, good & finite & ~inside)
         good &= finite & inside
