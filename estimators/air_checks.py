@@ -1,0 +1,177 @@
+"""Fast checks of one pitot, sample by sample, beside the filter bank.
+
+======== ==================================================================== ====
+symbol   meaning                                                              unit
+======== ==================================================================== ====
+c        calibrated airspeed shown                                            m/s
+p        what the pitot should show, of the bank's master; NaN while unknown  m/s
+V        speed over the ground                                                m/s
+z        c / p, noise is judged on it                                         1
+D2       z_k - 2 z_(k-1) + z_(k-2): of white noise its variance is 6 s^2      1
+s        rms noise of z, ``sqrt(mean(D2^2) / 6)``                             1
+======== ==================================================================== ====
+
+The checks: constant (``stuck``), grossly off the prediction, dead while the aircraft flies fast
+over the ground, noisier than the quietest of the others. Each must hold for its time without a
+break. They judge only a pitot that exists: one that has ever shown more than zero, or the first one
+where the autopilot lists it as present.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.jit import kernel
+
+__all__ = [
+    "CHECK_BANK",
+    "CHECK_CONSTANT",
+    "CHECK_DEAD",
+    "CHECK_GROSS",
+    "CHECK_NAMES",
+    "CHECK_NOISE",
+    "CHECK_NONE",
+    "N_CHECK",
+    "CheckLimits",
+    "check_sample",
+    "grossly_off",
+    "new_check",
+    "noise_check",
+    "noise_rms",
+]
+
+Array = NDArray[np.float64]
+
+CHECK_NONE, CHECK_CONSTANT, CHECK_GROSS, CHECK_DEAD, CHECK_NOISE, CHECK_BANK = range(6)
+CHECK_NAMES = ("none", "constant", "gross", "dead", "noise", "bank")
+
+# State of one pitot's checks.
+T_LAST, Z1, Z2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOISE_SINCE, ALIVE = range(
+    11
+)
+N_CHECK = 11
+
+
+class CheckLimits(NamedTuple):
+    """Limits of the fast checks; the settings of the same names say what each rests on."""
+
+    constant_s: float
+    gross_ln: float
+    gross_s: float
+    dead_wind_m_s: float
+    dead_s: float
+    noise_rms: float
+    noise_ratio: float
+    noise_s: float
+    noise_tau_s: float
+
+
+def new_check() -> Array:
+    """State before the first sample, shape (11,)."""
+    state = np.full(N_CHECK, np.nan)
+    state[[N_SAME, VAR, ALIVE]] = 0.0
+    return state
+
+
+@kernel
+def _held(state: Array, slot: int, condition: bool, t: float) -> float:
+    """How long the condition has held without a break [s]; -1 while it does not."""
+    if not condition:
+        state[slot] = np.nan
+        return -1.0
+    if np.isnan(state[slot]):
+        state[slot] = t
+    return t - state[slot]
+
+
+@kernel
+def grossly_off(state: Array) -> bool:
+    """Whether the last sample was grossly off: the filters leave it to the check."""
+    return not np.isnan(state[GROSS_SINCE])
+
+
+@kernel
+def noise_rms(state: Array) -> float:
+    """Relative rms noise of a pitot [1]."""
+    return math.sqrt(state[VAR] / 6.0)
+
+
+@kernel
+def check_sample(
+    state: Array,
+    limits: CheckLimits,
+    t: float,
+    c: float,
+    p: float,
+    p_std: float,
+    ground_speed: float,
+    sigma: float,
+    flying: bool,
+    learnt: bool,
+) -> int:
+    """Use one sample; return the check that fails now (CHECK_CONSTANT, _GROSS, _DEAD) or none.
+
+    Parameters
+    ----------
+    state : (11,) float64, changed in place
+    t, c : float [s], [m/s]
+    p, p_std : float [m/s], [1]
+        Prediction and the standard deviation of its logarithm; NaN where there is none.
+    ground_speed, sigma : float [m/s], [1]
+        ``|V|`` and sqrt(rho / rho0).
+    flying, learnt : bool
+        Nothing fails on the ground. The check for dead pitots, which knows no wind, is made only
+        before the wind is learnt; the gross one needs a prediction.
+    """
+    if c > 0.0:
+        state[ALIVE] = 1.0
+    dt = t - state[T_LAST]
+    z = c / p if p > 1.0 else np.nan
+    second_difference = z - 2.0 * state[Z1] + state[Z2]
+    if 0.0 < dt < 0.5 and not np.isnan(second_difference):
+        weight = min(dt / limits.noise_tau_s, 1.0)
+        d2 = min(second_difference * second_difference, 4.0)
+        state[VAR] += weight * (d2 - state[VAR])
+    state[Z2] = state[Z1] if dt < 0.5 else np.nan
+    state[Z1] = z
+    state[T_LAST] = t
+    same = c == state[LAST]
+    state[N_SAME] = state[N_SAME] + 1.0 if same else 0.0
+    state[LAST] = c
+    if not same or not flying:
+        state[SAME_SINCE] = t
+    constant = flying and state[N_SAME] >= 4.0 and t - state[SAME_SINCE] > limits.constant_s
+    dead = ground_speed - 1.2 * c / sigma > limits.dead_wind_m_s
+    dead_s = _held(state, DEAD_SINCE, flying and not learnt and dead, t)
+    beyond = abs(math.log(max(c, 0.1) / p)) > limits.gross_ln + 3.0 * p_std if p > 1.0 else False
+    gross_s = _held(state, GROSS_SINCE, flying and beyond, t)
+    if constant:
+        return CHECK_CONSTANT
+    if gross_s > limits.gross_s:
+        return CHECK_GROSS
+    if dead_s > limits.dead_s:
+        return CHECK_DEAD
+    return CHECK_NONE
+
+
+@kernel
+def noise_check(states: Array, limits: CheckLimits, i: int, use: int, t: float) -> bool:
+    """Whether pitot i has been much noisier than the quietest other one for long enough.
+
+    Parameters
+    ----------
+    states : (3, 11) float64
+    use : int
+        Bit set for each pitot that may serve for comparison.
+    """
+    quietest = np.inf
+    for j in range(states.shape[0]):
+        if j != i and (use >> j) & 1:
+            quietest = min(quietest, noise_rms(states[j]))
+    own = noise_rms(states[i])
+    noisy = own > limits.noise_rms and own > limits.noise_ratio * quietest
+    return _held(states[i], NOISE_SINCE, noisy, t) > limits.noise_s

@@ -1,0 +1,301 @@
+"""A bank of competing explanations: which pitot shifted, or the wind, and since when.
+
+Beside the *master*, which believes that nothing happened, filters run that were cloned from it at
+past moments and believe that at that moment something did:
+
+=========  ======================================================================================
+hypothesis meaning
+=========  ======================================================================================
+0          the wind changed: the variance of W grows by ``jump_wind_m_s`` squared
+mask > 0   each pitot whose bit is set shifted: the variance of its k grows by ``jump_scale``
+           squared, and k walks faster from then on
+=========  ======================================================================================
+
+A *generation* holds all hypotheses of one moment. One is born every ``spawn_s``; generations are
+thinned out so that their ages stay spaced logarithmically up to ``age_max_s``.
+
+L[g, h] is the log-likelihood of the measurements since the birth of g under h, less that under the
+master: a log Bayes factor, since the jump's variance makes a hypothesis pay for its freedom. The
+evidence against pitot i is what the best explanation with i has over the best one without it
+(the master's L is 0):  ``S_i = max(L[:, h with i]) - max(0, L[:, h without i])``.
+
+The explanation that wins becomes the master. It was cloned before the fault began, so whatever the
+fault did to the wind is undone with it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.air_data_3d import (
+    N_PITOTS,
+    NX,
+    SCALE,
+    lateral_update,
+    pitot_update,
+    predict,
+)
+from estimators.jit import kernel
+
+__all__ = [
+    "N_GENERATIONS",
+    "N_HYPOTHESES",
+    "WIND_CHANGED",
+    "Bank",
+    "adopt",
+    "bank_step",
+    "clear",
+    "evidence",
+    "new_bank",
+    "spawn",
+]
+
+Array = NDArray[np.float64]
+
+N_GENERATIONS = 14
+N_HYPOTHESES = 1 << N_PITOTS
+WIND_CHANGED = 0
+
+EARLY_S = 3.0
+"""Age up to which a generation's ``early`` follows its scales."""
+_SCALE0 = SCALE.start
+
+
+class Bank(NamedTuple):
+    """All filters of the bank; arrays are changed in place.
+
+    Attributes
+    ----------
+    x, P : (10,), (10, 10) float64
+        The master.
+    hx, hP : (14, 8, 10), (14, 8, 10, 10) float64
+        Hypotheses by generation and mask.
+    L : (14, 8) float64 [nat]
+        Log-likelihood over the master's; -inf where no filter runs.
+    born : (14,) float64 [s]
+        Start of each generation, NaN where free.
+    ref, ref_var : (14, 3) float64 [1]
+        Scales of the master at that start, and their variances.
+    early : (14, 8, 3) float64 [1]
+        Scales some seconds after the start: tells a step from a drift.
+    """
+
+    x: Array
+    P: Array
+    hx: Array
+    hP: Array
+    L: Array
+    born: Array
+    ref: Array
+    ref_var: Array
+    early: Array
+
+
+def new_bank() -> Bank:
+    """A bank with a zero master and no hypotheses."""
+    g, h = N_GENERATIONS, N_HYPOTHESES
+    return Bank(
+        x=np.zeros(NX),
+        P=np.zeros((NX, NX)),
+        hx=np.zeros((g, h, NX)),
+        hP=np.zeros((g, h, NX, NX)),
+        L=np.full((g, h), -np.inf),
+        born=np.full(g, np.nan),
+        ref=np.zeros((g, N_PITOTS)),
+        ref_var=np.zeros((g, N_PITOTS)),
+        early=np.zeros((g, h, N_PITOTS)),
+    )
+
+
+@kernel
+def clear(bank: Bank) -> None:
+    """Drop every generation."""
+    bank.born[:] = np.nan
+    bank.L[:] = -np.inf
+
+
+@kernel
+def _slot(born: Array, t: float, age_max_s: float) -> int:
+    """Slot for a new generation: a free or outlived one, else the one that leaves least behind.
+
+    The generation dropped is the one whose two neighbours in age are closest in ratio.
+    """
+    oldest = -1
+    for g in range(N_GENERATIONS):
+        if np.isnan(born[g]):
+            return g
+        if oldest < 0 or born[g] < born[oldest]:
+            oldest = g
+    if t - born[oldest] > age_max_s:
+        return oldest
+    best, best_ratio = oldest, np.inf
+    for g in range(N_GENERATIONS):
+        if g == oldest:
+            continue
+        older, younger = np.inf, 0.0
+        age = t - born[g]
+        for o in range(N_GENERATIONS):
+            a = t - born[o]
+            if a > age:
+                older = min(older, a)
+            elif a < age:
+                younger = max(younger, a)
+        ratio = (older + 1.0) / (younger + 1.0)
+        if ratio < best_ratio:
+            best, best_ratio = g, ratio
+    return best
+
+
+@kernel
+def spawn(
+    bank: Bank, t: float, active: int, jump_scale: float, jump_wind_m_s: float, age_max_s: float
+) -> None:
+    """Start a generation from the master.
+
+    Parameters
+    ----------
+    active : int
+        Bit i set: pitot i is under judgement; only masks within it are started.
+    jump_scale, jump_wind_m_s : float
+        Standard deviations of the shift of k and of the horizontal wind; the vertical wind's is a
+        quarter.
+    """
+    g = _slot(bank.born, t, age_max_s)
+    bank.born[g] = t
+    for i in range(N_PITOTS):
+        bank.ref[g, i] = bank.x[_SCALE0 + i]
+        bank.ref_var[g, i] = bank.P[_SCALE0 + i, _SCALE0 + i]
+    for h in range(N_HYPOTHESES):
+        if (h & active) != h:
+            bank.L[g, h] = -np.inf
+            continue
+        bank.L[g, h] = 0.0
+        bank.hx[g, h] = bank.x
+        bank.hP[g, h] = bank.P
+        bank.early[g, h] = bank.x[SCALE]
+        P = bank.hP[g, h]
+        if h == WIND_CHANGED:
+            P[0, 0] += jump_wind_m_s**2
+            P[1, 1] += jump_wind_m_s**2
+            P[2, 2] += (0.25 * jump_wind_m_s) ** 2
+        for i in range(N_PITOTS):
+            if (h >> i) & 1:
+                P[_SCALE0 + i, _SCALE0 + i] += jump_scale**2
+
+
+@kernel
+def bank_step(
+    bank: Bank,
+    t: float,
+    phi: float,
+    q: Array,
+    q_shifted: float,
+    V: Array,
+    e_y: Array,
+    R_lateral: float,
+    y: Array,
+    use: int,
+    ln_sigma: float,
+    R_common: float,
+    R_own: float,
+    gate: float,
+) -> None:
+    """Advance every filter by one epoch and update L. All filters see the same noises.
+
+    Parameters
+    ----------
+    q : (10,) float64
+        Variance gained over the step.
+    q_shifted : float
+        Variance that the k of shifted pitots gain together: what breaks several pitots at once
+        (ice, a leak in the common line) moves them alike.
+
+    See :func:`estimators.air_data_3d.pitot_update` for the others.
+    """
+    predict(bank.x, bank.P, phi, q)
+    null = lateral_update(bank.x, bank.P, V, e_y, R_lateral, gate)
+    null += pitot_update(bank.x, bank.P, V, y, use, ln_sigma, R_common, R_own, gate)
+    for g in range(N_GENERATIONS):
+        if np.isnan(bank.born[g]):
+            continue
+        for h in range(N_HYPOTHESES):
+            if bank.L[g, h] == -np.inf:
+                continue
+            x, P = bank.hx[g, h], bank.hP[g, h]
+            predict(x, P, phi, q)
+            for i in range(N_PITOTS):
+                for j in range(N_PITOTS):
+                    if (h >> i) & (h >> j) & 1:
+                        P[_SCALE0 + i, _SCALE0 + j] += q_shifted
+            L = lateral_update(x, P, V, e_y, R_lateral, gate)
+            L += pitot_update(x, P, V, y, use, ln_sigma, R_common, R_own, gate)
+            bank.L[g, h] += L - null
+            if t - bank.born[g] <= EARLY_S:
+                bank.early[g, h] = x[SCALE]
+
+
+@kernel
+def evidence(bank: Bank, wind_max_m_s: float, S: Array, best: NDArray[np.int64]) -> None:
+    """Evidence against each pitot, and for a changed wind.
+
+    Explanations whose horizontal wind is beyond the bound do not compete.
+
+    Parameters
+    ----------
+    S : (4,) float64 [nat]
+        Receives ``S_i`` of the three pitots, then that of the changed wind.
+    best : (2,) int64
+        Receives generation and mask of the best explanation; (-1, -1) when the master is best.
+    """
+    with_i = np.full(N_PITOTS, -np.inf)
+    without_i = np.zeros(N_PITOTS)
+    wind, not_wind, top = -np.inf, 0.0, 0.0
+    best[0], best[1] = -1, -1
+    for g in range(N_GENERATIONS):
+        if np.isnan(bank.born[g]):
+            continue
+        for h in range(N_HYPOTHESES):
+            L = bank.L[g, h]
+            x = bank.hx[g, h]
+            if L == -np.inf or x[0] ** 2 + x[1] ** 2 > wind_max_m_s**2:
+                continue
+            if L > top:
+                top = L
+                best[0], best[1] = g, h
+            if h == WIND_CHANGED:
+                wind = max(wind, L)
+            else:
+                not_wind = max(not_wind, L)
+            for i in range(N_PITOTS):
+                if (h >> i) & 1:
+                    with_i[i] = max(with_i[i], L)
+                else:
+                    without_i[i] = max(without_i[i], L)
+    for i in range(N_PITOTS):
+        S[i] = with_i[i] - without_i[i]
+    S[N_PITOTS] = wind - not_wind
+
+
+@kernel
+def adopt(bank: Bank, g: int, h: int) -> None:
+    """Make an explanation the master.
+
+    A changed wind only moves the zero of L: the other explanations go on competing with their old
+    starts. A shifted pitot ends the competition: its k returns to what it was before the shift, for
+    the day it recovers, and every generation is dropped.
+    """
+    bank.x[:] = bank.hx[g, h]
+    bank.P[:] = bank.hP[g, h]
+    if h == WIND_CHANGED:
+        bank.L[:] -= bank.L[g, h]
+        return
+    for i in range(N_PITOTS):
+        if (h >> i) & 1:
+            bank.x[_SCALE0 + i] = bank.ref[g, i]
+            bank.P[_SCALE0 + i, :] = 0.0
+            bank.P[:, _SCALE0 + i] = 0.0
+            bank.P[_SCALE0 + i, _SCALE0 + i] = bank.ref_var[g, i]
+    clear(bank)
