@@ -5,8 +5,20 @@
     decoder = Decoder(DecoderOptions(dialect="ardupilotmega"))
     batch = decoder.feed(datagram)          # rows per sensor, what was rejected and why
     decoder.counters, decoder.vehicle       # what went through, and whose it is
+
+    encoder = Encoder(system_id=1, component_id=191)
+    link.send(encoder.encode("STATUSTEXT", severity=4, text="airspeed0 FAULTY: 3.1 m/s low"))
 """
 
 from links.mavlink.decode import Counters, Decoder, DecoderOptions, Vehicle
+from links.mavlink.encoder import OUTPUT_MESSAGES, Encoder, encode
 
-__all__ = ["Counters", "Decoder", "DecoderOptions", "Vehicle"]
+__all__ = [
+    "OUTPUT_MESSAGES",
+    "Counters",
+    "Decoder",
+    "DecoderOptions",
+    "Encoder",
+    "Vehicle",
+    "encode",
+]

@@ -32,6 +32,7 @@ from links.vocabulary import Rejection
 __all__ = ["Counters", "Decoder", "DecoderOptions", "Vehicle"]
 
 _AUTOPILOT_INVALID = 8
+_REORDERED = 128  # a sequence number this far ahead is rather one from behind
 _INTEGER_PARAM_TYPES = 6  # MAV_PARAM_TYPE_UINT8 ... INT32 are 1 ... 6
 
 Rejected = Counter[tuple[str, Rejection]]
@@ -243,7 +244,8 @@ class Decoder:
             counters.by_source[key >> 8, key & 0xFF] += n
             sequence = frames.sequence[sender == key]
             gaps = np.diff(sequence, prepend=self._sequence.get(key, int(sequence[0]) - 1))
-            counters.lost += int(np.sum((gaps - 1) & 0xFF))
+            missing = (gaps - 1) & 0xFF
+            counters.lost += int(np.sum(missing[missing < _REORDERED]))
             self._sequence[key] = int(sequence[-1])
 
     def _hold(self, held: Frames, rejected: Rejected, final: bool) -> Frames:
