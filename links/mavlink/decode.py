@@ -12,6 +12,7 @@ system that sent most frames as component 1 is taken.
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -243,9 +244,11 @@ class Decoder:
         for key, n in _tally(sender):
             counters.by_source[key >> 8, key & 0xFF] += n
             sequence = frames.sequence[sender == key]
-            gaps = np.diff(sequence, prepend=self._sequence.get(key, int(sequence[0]) - 1))
-            missing = (gaps - 1) & 0xFF
-            counters.lost += int(np.sum(missing[missing < _REORDERED]))
+            before = np.empty_like(sequence)
+            before[0] = self._sequence.get(key, int(sequence[0]) - 1)
+            before[1:] = sequence[:-1]
+            missing = (sequence - before - 1) & 0xFF
+            counters.lost += int(missing[missing < _REORDERED].sum())
             self._sequence[key] = int(sequence[-1])
 
     def _hold(self, held: Frames, rejected: Rejected, final: bool) -> Frames:
@@ -279,7 +282,8 @@ class Decoder:
             (frames.message == message.id) & (frames.component == self.options.autopilot_component)
         )
         wanted = self.options.system_id
-        for system, beat in zip(beats.system, gather_payloads(beats, message), strict=True):
+        payloads = gather_payloads(beats, np.arange(len(beats)), message)
+        for system, beat in zip(beats.system, payloads, strict=True):
             if beat["autopilot"] != _AUTOPILOT_INVALID and wanted in (None, int(system)):
                 self._system = int(system)
                 self.vehicle = Vehicle(self._system, int(beat["autopilot"]), int(beat["type"]))
@@ -322,15 +326,18 @@ class Decoder:
 
     def _groups(self, frames: Frames) -> dict[int, Group]:
         """Message number -> indices and payloads of its frames, for messages of the catalogue."""
+        groups: dict[int, Group] = {}
+        if not len(frames):
+            return groups
         order = np.argsort(frames.message, kind="stable")
         numbers = frames.message[order]
-        edges = np.flatnonzero(np.diff(numbers)) + 1
-        groups = {}
-        for index in np.split(order, edges) if len(order) else ():
-            number = int(frames.message[index[0]])
+        edges = (np.flatnonzero(numbers[1:] != numbers[:-1]) + 1).tolist()
+        for lo, hi in itertools.pairwise([0, *edges, len(order)]):
+            number = int(numbers[lo])
             if number in self._sources or number in self._stamps:
+                index = order[lo:hi]
                 message = self._dialect.by_id[number]
-                groups[number] = (index, gather_payloads(frames.take(index), message))
+                groups[number] = (index, gather_payloads(frames, index, message))
         return groups
 
     def _read_stamps(
@@ -399,10 +406,10 @@ class Decoder:
             and message.name in catalog.FOLLOWS_COMPONENTS
             and source.quantity in ("text", "named")
         )
-        take = np.ones(len(index), np.bool_)
+        take = np.full(len(index), anyone)
         if not anyone:
-            ids = allowed if allowed is not None else {self.options.autopilot_component}
-            take = np.isin(component[index], list(ids))
+            for number in allowed or (self.options.autopilot_component,):
+                take |= component[index] == number
             if source.quantity == "heartbeat":
                 take &= payload["autopilot"] != _AUTOPILOT_INVALID
         if source.named is not None:
@@ -506,5 +513,7 @@ class Decoder:
 
 def _tally(values: NDArray[np.int64]) -> list[tuple[int, int]]:
     """Each different value and how often it comes."""
+    if len(values) < 64:
+        return list(Counter(values.tolist()).items())
     different, counts = np.unique(values, return_counts=True)
     return list(zip(different.tolist(), counts.tolist(), strict=True))

@@ -196,5 +196,5 @@ class Encoder:
 
 
 def encode(message: str, /, **fields: Any) -> bytes:
-    """One MAVLink 2 frame of system 1, component 1, numbered 0; for streams use :class:`Encoder`."""
+    """One MAVLink 2 frame of system 1, component 1, numbered 0; streams need :class:`Encoder`."""
     return Encoder(1, 1).encode(message, **fields)

@@ -20,20 +20,21 @@ __all__ = ["build_rows", "cas_from_pressure", "gather_payloads", "instances"]
 Mask = NDArray[np.bool_]
 
 
-def gather_payloads(frames: Frames, message: Message) -> Rows:
-    """Payloads of frames that all carry ``message``, as its structured dtype.
+def gather_payloads(frames: Frames, index: NDArray[np.int64], message: Message) -> Rows:
+    """Payloads of the frames ``index``, which all carry ``message``, as its structured dtype.
 
     What MAVLink 2 cut off (trailing zeros) and what MAVLink 1 never had (extensions) reads as zero.
     """
     size = message.dtype.itemsize
     raw = np.frombuffer(frames.data, np.uint8)
     column = np.arange(size)
-    at = frames.payload[:, None] + column
-    short = frames.length < size
+    at = frames.payload[index, None] + column
+    length = frames.length[index]
+    short = length < size
     if short.any():
         np.minimum(at, len(raw) - 1, out=at)
         cells = raw[at]
-        cells[column >= frames.length[:, None]] = 0
+        cells[column >= length[:, None]] = 0
     else:
         cells = raw[at]
     return np.ascontiguousarray(cells).view(message.dtype)[:, 0]
