@@ -33,6 +33,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from estimators.atmosphere import P0_PA, pressure, temperature
 from estimators.jit import kernel
 
@@ -54,6 +57,8 @@ __all__ = [
     "linearise",
 ]
 
+Array = NDArray[np.float64]
+
 APPROXIMATE = 0
 EXACT = 1
 
@@ -67,7 +72,7 @@ FIVE_A0_SQ = FIVE_GAMMA_R * 288.15  # 5 a_0^2, m^2/s^2
 
 
 @kernel
-def air_outside(altitude_m, warmer_k, air):  # type: ignore[no-untyped-def]
+def air_outside(altitude_m: float, warmer_k: float, air: Array) -> None:
     """Write what (16) needs of the air at a pressure altitude.
 
     Parameters
@@ -85,7 +90,19 @@ def air_outside(altitude_m, warmer_k, air):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def linearise(model, x, u, theta, air, t_s, F, A, B, h, C):  # type: ignore[no-untyped-def]
+def linearise(
+    model: int,
+    x: Array,
+    u: Array,
+    theta: Array,
+    air: Array,
+    t_s: float,
+    F: Array,
+    A: Array,
+    B: Array,
+    h: Array,
+    C: Array,
+) -> None:
     """Write the next state, the outputs and their Jacobians at (x, u).
 
     Parameters

@@ -106,7 +106,7 @@ def window_size(N: int) -> int:
 
 
 @kernel
-def window_views(window, N):  # type: ignore[no-untyped-def]
+def window_views(window: Array, N: int) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
     """Views x_prior (4,), x (N,4), u (N-1,4), y (N,4), use (N,4), theta (N,6), air (N,2)."""
     x_prior = window[0:4]
     blocks = window[4 : 4 + 16 * N].reshape(4, N, 4)
@@ -116,9 +116,19 @@ def window_views(window, N):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def mhe_solve(  # type: ignore[no-untyped-def]
-    model, t_s, tuning, confine, kappa, n_kappa, n_qp, n_sqp, N, window, work
-):
+def mhe_solve(
+    model: int,
+    t_s: float,
+    tuning: Array,
+    confine: Array,
+    kappa: float,
+    n_kappa: int,
+    n_qp: int,
+    n_sqp: int,
+    N: int,
+    window: Array,
+    work: Array,
+) -> tuple[int, float]:
     """Improve the horizon's estimate by SQP iterations; returns (status, size of the last step).
 
     Parameters
@@ -223,7 +233,17 @@ def mhe_solve(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def mhe_advance(model, t_s, N, window, y_new, use_new, theta_new, warmer_k, work):  # type: ignore[no-untyped-def]
+def mhe_advance(
+    model: int,
+    t_s: float,
+    N: int,
+    window: Array,
+    y_new: Array,
+    use_new: Array,
+    theta_new: Array,
+    warmer_k: float,
+    work: Array,
+) -> None:
     """Shift the horizon by one sample and predict the newest state with u = 0.
 
     ``y_new`` (4,), ``use_new`` (4,) and ``theta_new`` (6,) are the new sample, ``warmer_k`` as in
@@ -260,9 +280,21 @@ def mhe_advance(model, t_s, N, window, y_new, use_new, theta_new, warmer_k, work
 
 
 @kernel
-def mhe_step(  # type: ignore[no-untyped-def]
-    model, t_s, tuning, confine, kappa, n_kappa, n_qp, n_sqp, N, window, sample, warmer_k, work
-):
+def mhe_step(
+    model: int,
+    t_s: float,
+    tuning: Array,
+    confine: Array,
+    kappa: float,
+    n_kappa: int,
+    n_qp: int,
+    n_sqp: int,
+    N: int,
+    window: Array,
+    sample: Array,
+    warmer_k: float,
+    work: Array,
+) -> int:
     """One sample: shift, predict, improve; returns a status of :mod:`estimators.mhe`.
 
     ``sample`` (14,) is y (4), use (4) and theta (6) in a row; the rest as in :func:`mhe_solve`.
@@ -333,4 +365,5 @@ class AirDataMHE:
             t.model, t.t_s, self.table, self.confine, 0.0 if t.converged else t.kappa,
             t.n_kappa, t.n_qp, t.sqp_iterations, t.N, self.window, self.sample, warmer_k, self.work,
         )  # fmt: skip
-        return self.x[-1].copy()
+        newest: Array = self.x[-1].copy()
+        return newest

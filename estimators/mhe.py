@@ -31,6 +31,7 @@ numbers.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.jit import kernel
 
@@ -44,6 +45,8 @@ __all__ = [
     "kkt_step",
     "work_size",
 ]
+
+Array = NDArray[np.float64]
 
 SOLVED = 0
 """The schedule was run, or the tolerance was met."""
@@ -72,7 +75,27 @@ def work_size(N: int, n: int, p: int, m: int) -> int:
 
 
 @kernel
-def kkt_step(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work):  # type: ignore[no-untyped-def]
+def kkt_step(
+    P: Array,
+    Q: Array,
+    R: Array,
+    A: Array,
+    B: Array,
+    C: Array,
+    f: Array,
+    rx: Array,
+    ru: Array,
+    ry: Array,
+    x: Array,
+    u: Array,
+    gx: Array,
+    Dx: Array,
+    gu: Array,
+    Du: Array,
+    dx: Array,
+    du: Array,
+    work: Array,
+) -> None:
     """Newton step (dx, du) of the barrier problem at (x, u), by a Riccati recursion.
 
     Parameters
@@ -244,7 +267,7 @@ def kkt_step(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work
 
 
 @kernel
-def _start_inside(v, lo, hi):  # type: ignore[no-untyped-def]
+def _start_inside(v: Array, lo: Array, hi: Array) -> bool:
     """Zero step, moved strictly inside the bounds; False when the bounds cross."""
     for i in range(v.shape[0]):
         for a in range(v.shape[1]):
@@ -261,7 +284,7 @@ def _start_inside(v, lo, hi):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fits(v, d, s, lo, hi):  # type: ignore[no-untyped-def]
+def _fits(v: Array, d: Array, s: float, lo: Array, hi: Array) -> bool:
     """Whether v + s d lies strictly inside the bounds."""
     for i in range(v.shape[0]):
         for a in range(v.shape[1]):
@@ -272,7 +295,7 @@ def _fits(v, d, s, lo, hi):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _barrier(v, lo, hi, kappa, g, D):  # type: ignore[no-untyped-def]
+def _barrier(v: Array, lo: Array, hi: Array, kappa: float, g: Array, D: Array) -> None:
     """Barrier gradient and second derivative. Source: wan2018 (46a)-(46b)."""
     for i in range(v.shape[0]):
         for a in range(v.shape[1]):
@@ -287,9 +310,28 @@ def _barrier(v, lo, hi, kappa, g, D):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def barrier_qp(  # type: ignore[no-untyped-def]
-    P, Q, R, A, B, C, f, rx, ru, ry, xl, xu, ul, uu, kappa, n_kappa, n_qp, x, u, work
-):
+def barrier_qp(
+    P: Array,
+    Q: Array,
+    R: Array,
+    A: Array,
+    B: Array,
+    C: Array,
+    f: Array,
+    rx: Array,
+    ru: Array,
+    ry: Array,
+    xl: Array,
+    xu: Array,
+    ul: Array,
+    uu: Array,
+    kappa: float,
+    n_kappa: int,
+    n_qp: int,
+    x: Array,
+    u: Array,
+    work: Array,
+) -> int:
     """Solve the window by a fixed number of primal barrier iterations; returns a status.
 
     Parameters
@@ -353,7 +395,9 @@ def barrier_qp(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _pd_barrier(v, lo, hi, zl, zu, kappa, g, D):  # type: ignore[no-untyped-def]
+def _pd_barrier(
+    v: Array, lo: Array, hi: Array, zl: Array, zu: Array, kappa: float, g: Array, D: Array
+) -> None:
     """Barrier gradient and primal-dual second derivative z / slack."""
     for i in range(v.shape[0]):
         for a in range(v.shape[1]):
@@ -364,7 +408,9 @@ def _pd_barrier(v, lo, hi, zl, zu, kappa, g, D):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _pd_multiplier_step(v, d, lo, hi, zl, zu, kappa, s):  # type: ignore[no-untyped-def]
+def _pd_multiplier_step(
+    v: Array, d: Array, lo: Array, hi: Array, zl: Array, zu: Array, kappa: float, s: float
+) -> tuple[float, float]:
     """Longest (primal, dual) step to the boundary when s < 0; else move the multipliers by s."""
     primal = 1.0
     dual = 1.0
@@ -394,7 +440,7 @@ def _pd_multiplier_step(v, d, lo, hi, zl, zu, kappa, s):  # type: ignore[no-unty
 
 
 @kernel
-def _pd_gap(v, lo, hi, zl, zu):  # type: ignore[no-untyped-def]
+def _pd_gap(v: Array, lo: Array, hi: Array, zl: Array, zu: Array) -> tuple[float, int]:
     """Sum of multiplier times slack, and the number of bounds."""
     gap = 0.0
     count = 0
@@ -410,7 +456,7 @@ def _pd_gap(v, lo, hi, zl, zu):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _pd_start(v, lo, hi, zl, zu, kappa):  # type: ignore[no-untyped-def]
+def _pd_start(v: Array, lo: Array, hi: Array, zl: Array, zu: Array, kappa: float) -> None:
     """Multipliers on the central path of kappa; zero where there is no bound."""
     for i in range(v.shape[0]):
         for a in range(v.shape[1]):
@@ -419,9 +465,27 @@ def _pd_start(v, lo, hi, zl, zu, kappa):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def converged_qp(  # type: ignore[no-untyped-def]
-    P, Q, R, A, B, C, f, rx, ru, ry, xl, xu, ul, uu, tol, max_iterations, x, u, work
-):
+def converged_qp(
+    P: Array,
+    Q: Array,
+    R: Array,
+    A: Array,
+    B: Array,
+    C: Array,
+    f: Array,
+    rx: Array,
+    ru: Array,
+    ry: Array,
+    xl: Array,
+    xu: Array,
+    ul: Array,
+    uu: Array,
+    tol: float,
+    max_iterations: int,
+    x: Array,
+    u: Array,
+    work: Array,
+) -> int:
     """Solve the window to the complementarity ``tol`` by primal-dual steps; returns a status.
 
     Parameters
