@@ -12,7 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["barrier_qp", "kkt_step", "linearise", "mhe_step", "outputs", "transition"]
+__all__ = [
+    "barrier_qp",
+    "fuse",
+    "kkt_step",
+    "linearise",
+    "mhe_step",
+    "outputs",
+    "residual_rms",
+    "transition",
+]
 
 Array = NDArray[np.float64]
 
@@ -42,7 +51,7 @@ def outputs(model: int, x: Array, theta: Array) -> Array:
     return np.array([x[1], along * s + x[3], x[0], calibrated_airspeed(V_t, theta[5])])
 
 
-def transition(model: int, x: Array, u: Array, theta: Array, t_s: float) -> Array:
+def transition(model: int, x: Array, u: Array, theta: Array, t_s: float) -> Any:
     """(20a)-(20c), with (13)-(14) or (8)-(9)."""
     V_g, pitch, q, A_x, A_z, _ = theta
     alpha, _, W_x, W_z = x
@@ -71,7 +80,7 @@ def linearise(
     d = 1e-30j
     eye = np.eye(4)
 
-    def F(x: Array, u: Array) -> Array:
+    def F(x: Any, u: Any) -> Any:
         return transition(model, x, u, theta, t_s)
 
     A = np.column_stack([F(x + d * e, u + 0j).imag / 1e-30 for e in eye])
@@ -171,3 +180,18 @@ def mhe_step(
         xl - x, xu - x, ul - u, uu - u, kappa, n_kappa, n_qp,
     )  # fmt: skip
     return x + dx, u + du
+
+
+def residual_rms(residuals: Array) -> float:
+    """(18) over the residuals given."""
+    return float(np.sqrt(np.mean(residuals**2)))
+
+
+def fuse(value: Array, J: Array, use: Array, M: Array) -> tuple[float, float, bool]:
+    """(19) over the sensors in use: fused value, equally weighted M, whether there is any."""
+    on = use == 1.0
+    if not on.any():
+        return 0.0, 0.0, False
+    beta = 1.0 / J[on] ** 2
+    beta /= beta.sum()
+    return float(beta @ value[on]), float(beta @ M[on]), True

@@ -1,0 +1,552 @@
+"""Three airspeed and three angle-of-attack sensors judged against one constrained estimate.
+
+===============  ====================================================  ===========  ============
+symbol           meaning                                               shape        wan2018
+===============  ====================================================  ===========  ============
+r                residual of a sensor against the one-step prediction  (2, 3)       (17)
+J                its rms over the last N_eval samples                  (2, 3)       (18)
+J_th             threshold of J                                        (2,)         VI-B
+n_D              samples of N_eval above J_th that confirm a fault                  below (18)
+beta             weight of a sensor in the fused measurement           (2, 3)       (19)
+M                rms of a sensor against the *remembered* wind         (2, 3)
+W_ref            wind remembered from before the sensors parted        (2,)
+configuration    I all, II no vanes, III no airspeed, IV neither                    Table I
+===============  ====================================================  ===========  ============
+
+Channel 0 is the angle of attack (its ally is W_z), channel 1 the calibrated airspeed (W_x).
+
+Differs, each for a reason that a simulated flight shows:
+
+* The fusion set is {J <= J_th and not latched}. When it is empty the channel is not used in that
+  sample: three sensors that contradict the prediction together are confirmed within n_D samples.
+  J has a floor, for a weight 1/J^2 must stay finite.
+* A confirmed fault latches. Without a latch 20-45 kt on all three are flagged in 0.4 s and taken up
+  by the wind after 10 s. A latched sensor comes back when J has stayed below a share of J_th for
+  ``clear_s``.
+* When a whole channel is lost its wind component returns to its value before the onset and is held
+  there (nothing observes it any more, and the barrier would pull it to mid-range), with a standard
+  deviation that grows. Sensors come back when at least two agree with each other, their wind lies
+  inside the bounds, and they meet the held wind within 3 sigma and half of the largest residual
+  since the latch.
+* Weights (19) let two sensors that drift together vote the healthy third one out. A sensor is
+  confirmed only if it disagrees with the remembered wind at least as much as the fused value does;
+  when the fused value disagrees far more than an outvoted sensor, those who made it are confirmed.
+* The wind is confined to a band about its value ``change_base_s`` ago, which gives the bound on its
+  rate a time base.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.air_data_2d import air_outside, linearise
+from estimators.air_data_mhe import (
+    KT,
+    AirDataMHE,
+    AirDataTuning,
+    mhe_advance,
+    mhe_solve,
+    window_views,
+)
+from estimators.jit import kernel
+
+__all__ = [
+    "CONFIGURATIONS",
+    "Triplex",
+    "TriplexRecord",
+    "TriplexTuning",
+    "fuse",
+    "residual_rms",
+    "triplex_run",
+]
+
+Array = NDArray[np.float64]
+
+CONFIGURATIONS = ("I", "II", "III", "IV")
+CH_ALPHA, CH_CAS = 0, 1
+
+# indices of the parameter array
+P_N_EVAL, P_N_D, P_FLOOR, P_CLEAR_SHARE, P_CLEAR, P_LATCH, P_BASE, P_CHANGE_X, P_CHANGE_Z = range(9)
+P_WALK, P_GUST_X, P_GUST_Z, P_MARGIN, P_REF_DELAY, P_REF_MEAN, P_SPREAD, P_TH_A, P_TH_V = range(
+    9, 18
+)
+P_SIZE = 18
+
+FROZEN_VAR = 1e-12
+"""Arrival and process variance of a held wind component [m^2/s^2]: it does not move."""
+
+# columns of a record row
+R_X = slice(0, 4)
+R_J = slice(4, 10)
+R_LATCHED = slice(10, 16)
+R_CONFIGURATION, R_ALPHA, R_CAS, R_ALPHA_STD, R_CAS_STD, R_STATUS = range(16, 22)
+R_SIZE = 22
+
+
+@dataclass(frozen=True)
+class TriplexTuning:
+    """Thresholds and times of the fault logic.
+
+    ``J_th``, ``N_eval`` are the paper's; ``n_D`` and the rest were chosen on synthetic longitudinal
+    flights in wind ramps and turbulence of up to 3.5 m/s rms. The remembered wind walks by
+    0.1 m/s/sqrt(s) (the figure of recorded flights) on top of the gusts.
+    """
+
+    N_eval: int = 10
+    n_D: int = 8
+    alpha_threshold_rad: float = math.radians(2.9)
+    cas_threshold_m_s: float = 12 * KT
+    floor_share: float = 0.02
+    clear_share: float = 0.6
+    clear_s: float = 3.0
+    latch: bool = True
+    change_base_s: float = 5.0
+    wind_change_m_s: tuple[float, float] = (45 * KT, 45 * KT)
+    wind_walk_m_s_sqrt_s: float = 0.1
+    gust_std_m_s: tuple[float, float] = (3.5, 2.0)
+    margin: float = 3.0
+    reference_delay_s: float = 0.5
+    reference_mean_s: float = 1.0
+    spread_share: float = 0.2
+
+    def parameters(self, t_s: float) -> Array:
+        """The kernel's parameter array; times in samples of ``t_s``."""
+        out = np.empty(P_SIZE)
+        out[P_N_EVAL], out[P_N_D] = self.N_eval, self.n_D
+        out[P_FLOOR], out[P_CLEAR_SHARE] = self.floor_share, self.clear_share
+        out[P_CLEAR], out[P_LATCH] = round(self.clear_s / t_s), self.latch
+        out[P_BASE] = round(self.change_base_s / t_s)
+        out[P_CHANGE_X], out[P_CHANGE_Z] = self.wind_change_m_s
+        out[P_WALK] = self.wind_walk_m_s_sqrt_s * math.sqrt(t_s)
+        out[P_GUST_X], out[P_GUST_Z] = self.gust_std_m_s
+        out[P_MARGIN] = self.margin
+        out[P_REF_DELAY] = round(self.reference_delay_s / t_s)
+        out[P_REF_MEAN] = round(self.reference_mean_s / t_s)
+        out[P_SPREAD] = self.spread_share
+        out[P_TH_A], out[P_TH_V] = self.alpha_threshold_rad, self.cas_threshold_m_s
+        return out
+
+
+@kernel
+def residual_rms(ring: Array, count: int) -> float:
+    """Root mean square of the first ``count`` residuals of a ring. Source: wan2018 (18)."""
+    total = 0.0
+    for k in range(count):
+        total += ring[k] * ring[k]
+    return math.sqrt(total / max(count, 1))
+
+
+@kernel
+def fuse(value: Array, J: Array, use: Array, M: Array) -> tuple[float, float, bool]:
+    """Weighted mean of the sensors in use, their weighted ``M``, and whether there is any.
+
+    ``value``, ``J``, ``use`` (1 or 0) and ``M`` are (3,); J must not be zero.
+
+    Source: wan2018 (19).
+    """
+    total = 0.0
+    fused = 0.0
+    M_fused = 0.0
+    for i in range(3):
+        if use[i] == 1.0:
+            beta = 1.0 / (J[i] * J[i])
+            total += beta
+            fused += beta * value[i]
+            M_fused += beta * M[i]
+    if total == 0.0:
+        return 0.0, 0.0, False
+    return fused / total, M_fused / total, True
+
+
+@kernel
+def _against_remembered_wind(theta: Array, V_z: float, W: Array, air: Array) -> tuple[float, float]:
+    """(alpha, V_c) that V_g, V_z and pitch give with the wind W = (W_x, W_z): (10) turned round."""
+    V_g = theta[0]
+    down = min(max(V_z, -V_g), V_g)
+    north = math.sqrt(V_g * V_g - down * down) - W[0]
+    down -= W[1]
+    V_t = math.hypot(north, down)
+    alpha = theta[1] + math.atan2(down, north)
+    x = np.array([alpha, V_t, 0.0, 0.0])
+    still = np.array([V_t, theta[1], 0.0, 0.0, 0.0, theta[5]])
+    F = np.empty(4)
+    h = np.empty(4)
+    J = np.empty((3, 4, 4))
+    linearise(0, x, F, still, air, 0.0, np.empty(4), J[0], J[1], h, J[2])
+    return alpha, h[3]
+
+
+@kernel
+def _roll_back(
+    ring: Array, newest: int, filled: int, t_s: float, bound: float, base: int, change: float
+) -> float:
+    """Wind before the onset of a fault that all sensors of a channel share.
+
+    A wind that leans neither on its ``bound`` nor on the edge of its band (``change`` over ``base``
+    samples) has taken up nothing yet: the wind of 1.5 s ago. One that does has followed the fault:
+    go back over the time it leant on the bound, then as long as the wind of one second before is
+    further from where it arrived, by at least 0.3 m/s and 0.4 of the last seconds' rate, and two
+    seconds more.
+    """
+    size = ring.size
+    lag = round(1.0 / t_s)
+    at = 0
+    while at + lag < filled and abs(ring[(newest - at) % size]) > 0.9 * bound:
+        at += 1
+    leant = at
+    now = ring[(newest - at) % size]
+    moved = abs(now - ring[(newest - min(at + base, filled - 1)) % size])
+    if leant == 0 and moved < 0.8 * change:
+        at = min(lag + lag // 2, filled - 1)
+    else:
+        start = ring[(newest - min(at + 2 * lag, filled - 1)) % size]
+        sign = 1.0 if now >= start else -1.0
+        least = max(0.3, 0.2 * abs(now - start))
+        while at + lag < filled:
+            here = ring[(newest - at) % size]
+            older = ring[(newest - at - lag) % size]
+            if sign * (here - older) < least and at >= leant + 2 * lag:
+                break
+            at += 1
+        at = min(at + 2 * lag, filled - 1)
+    before: float = ring[(newest - at) % size]
+    return before
+
+
+@kernel
+def triplex_run(
+    model: int, t_s: float, tuning: Array, par: Array, kappa: float, n_kappa: int, n_qp: int,
+    n_sqp: int, N: int, window: Array, work: Array, rings: Array, memory: Array, winds: Array,
+    inertial: Array, vanes: Array, pitots: Array, theta_rows: Array, record: Array,
+) -> None:  # fmt: skip
+    """Run fusion, estimation and fault logic over the rows of a flight.
+
+    Parameters
+    ----------
+    model .. n_sqp, N, window, work
+        As in :func:`estimators.air_data_mhe.mhe_step`.
+    par : (18,) float64
+        :meth:`TriplexTuning.parameters`.
+    rings : (3, 2, 3, N_eval) float64, updated
+        Residuals against the prediction, against the remembered wind, and raised flags.
+    memory : (48,) float64, updated
+        Counters, latches and held winds; see the slices below.
+    winds : (2, S) float64, updated
+        Ring of the wind estimate (W_x, W_z), one column per sample.
+    inertial : (T, 2) float64 [m/s]
+        V_g and V_z (down).
+    vanes, pitots : (T, 3) float64 [rad], [m/s]
+        NaN where a sensor gave nothing.
+    theta_rows : (T, 6) float64
+    record : (T, 22) float64, written
+        Columns ``R_*``.
+
+    Source: wan2018 section III-A, Table I.
+    """
+    n_eval = int(par[P_N_EVAL])
+    count = memory[0:1]  # samples so far
+    latched = memory[1:7].reshape(2, 3)
+    calm = memory[7:13].reshape(2, 3)  # samples since J was last above the clearing level
+    peak = memory[13:19].reshape(2, 3)  # largest rms since the latch
+    lost = memory[19:21]  # 1 while all three of the channel are latched
+    since = memory[21:23]  # samples since then
+    held = memory[23:25]  # (W_x, W_z) held
+    W_ref = memory[25:27]  # (W_x, W_z) remembered
+    J = np.empty((2, 3))
+    M = np.empty((2, 3))
+    use_sensor = np.empty((2, 3))
+    value = np.empty((2, 3))
+    table = tuning.copy()
+    confine = np.empty((2, 2))
+    air = np.empty(2)
+    y_new = np.zeros(4)
+    use_new = np.zeros(4)
+    F = np.empty(4)
+    h = np.empty(4)
+    jac = np.empty((3, 4, 4))
+    zero = np.zeros(4)
+    threshold = par[P_TH_A : P_TH_V + 1]
+    x_prior, x, u, y, use, _, _ = window_views(window, N)
+    S = winds.shape[1]
+
+    for row in range(inertial.shape[0]):
+        k = int(count[0])
+        slot = k % n_eval
+        seen = min(k + 1, n_eval)
+        th = theta_rows[row]
+        air_outside(th[5], 0.0, air)
+        if k == 0:
+            W_ref[0] = x[N - 1, 2]
+            W_ref[1] = x[N - 1, 3]
+        y_new[0] = inertial[row, 0]
+        y_new[1] = inertial[row, 1]
+        use_new[0] = use_new[1] = 1.0
+        mhe_advance(model, t_s, N, window, y_new, use_new, th, 0.0, work)
+        # the predicted outputs with their air
+        linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
+        ref_alpha, ref_cas = _against_remembered_wind(th, inertial[row, 1], W_ref, air)
+
+        for ch in range(2):
+            limit = threshold[ch]
+            predicted = h[2 + ch]
+            remembered = ref_alpha if ch == 0 else ref_cas
+            parted = -np.inf
+            together = np.inf
+            for i in range(3):
+                v = vanes[row, i] if ch == 0 else pitots[row, i]
+                value[ch, i] = v
+                silent = not np.isfinite(v)
+                rings[0, ch, i, slot] = 2.0 * limit if silent else v - predicted
+                rings[1, ch, i, slot] = 2.0 * limit if silent else v - remembered
+                J[ch, i] = max(residual_rms(rings[0, ch, i], seen), par[P_FLOOR] * limit)
+                M[ch, i] = residual_rms(rings[1, ch, i], seen)
+                above = J[ch, i] > limit
+                rings[2, ch, i, slot] = 1.0 if above else 0.0
+                use_sensor[ch, i] = 0.0 if above or silent or latched[ch, i] else 1.0
+                if not latched[ch, i]:
+                    mean = 0.0
+                    for e in range(seen):
+                        mean += rings[0, ch, i, e] / seen
+                    parted = max(parted, mean)
+                    together = min(together, mean)
+            # (19), and the fused value's own distance from the remembered wind
+            fused, M_fused, any_used = fuse(value[ch], J[ch], use_sensor[ch], M[ch])
+            y_new[2 + ch] = fused
+            use_new[2 + ch] = 1.0 if any_used else 0.0
+
+            # confirm, and find out whether the majority is the culprit
+            gust = par[P_GUST_Z] / max(th[0], 1.0) if ch == 0 else par[P_GUST_X]
+            two_var = 2.0 * gust * gust if any_used else 0.0
+            majority_wrong = False
+            for i in range(3):
+                raised = 0.0
+                for e in range(seen):
+                    raised += rings[2, ch, i, e]
+                if raised >= par[P_N_D] and not latched[ch, i]:
+                    llr = M[ch, i] * M[ch, i] - M_fused * M_fused
+                    if llr >= 0.0:
+                        latched[ch, i] = 1.0
+                        peak[ch, i] = J[ch, i]
+                        calm[ch, i] = 0.0
+                    elif -llr > par[P_MARGIN] * two_var:
+                        majority_wrong = True
+            if majority_wrong:
+                for i in range(3):
+                    if use_sensor[ch, i] == 1.0:
+                        latched[ch, i] = 1.0
+                        peak[ch, i] = M[ch, i]
+                        calm[ch, i] = 0.0
+                        rings[0, ch, i, :] = rings[1, ch, i, :]
+                    else:
+                        rings[2, ch, i, :] = 0.0
+                use_new[2 + ch] = 0.0
+                w = 3 - ch
+                for j in range(N):
+                    x[j, w] = W_ref[1 - ch]
+                x_prior[w] = W_ref[1 - ch]
+                u[:, w] = 0.0
+
+            # come back one by one, or, after a whole channel was lost, in agreement
+            faulty = latched[ch, 0] + latched[ch, 1] + latched[ch, 2]
+            w = 3 - ch
+            sigma = 0.0
+            if lost[ch] == 1.0:
+                since[ch] += 1.0
+                sigma = par[P_WALK] * math.sqrt(since[ch])
+                if ch == 0:
+                    sigma /= max(th[0], 1.0)
+            for i in range(3):
+                if not latched[ch, i]:
+                    continue
+                peak[ch, i] = max(peak[ch, i], J[ch, i])
+                level = par[P_CLEAR_SHARE] * limit
+                good = J[ch, i] <= level
+                if lost[ch] == 1.0:
+                    level = min(level + 3.0 * sigma, 0.5 * peak[ch, i])
+                    friends = 0
+                    for j in range(3):
+                        if (
+                            j != i
+                            and abs(value[ch, i] - value[ch, j]) <= par[P_CLEAR_SHARE] * limit
+                        ):
+                            friends += 1
+                    offset = -(value[ch, i] - h[2 + ch])  # wind that would explain it
+                    if ch == 0:
+                        offset *= -th[0]
+                    wind = held[1 - ch] + offset
+                    good = J[ch, i] <= level and friends > 0 and tuning[3, w] < wind < tuning[4, w]
+                calm[ch, i] = calm[ch, i] + 1.0 if good else 0.0
+                if calm[ch, i] >= par[P_CLEAR] or par[P_LATCH] == 0.0:
+                    raised = 0.0
+                    for e in range(seen):
+                        raised += rings[2, ch, i, e]
+                    if par[P_LATCH] == 1.0 or raised < par[P_N_D]:
+                        latched[ch, i] = 0.0
+                        rings[2, ch, i, :] = 0.0
+                        faulty -= 1.0
+            if faulty == 3.0 and lost[ch] == 0.0:
+                lost[ch] = 1.0
+                since[ch] = 0.0
+                if par[P_LATCH] == 1.0:
+                    newest = (k - 1) % S
+                    back = x[0, w]
+                    if k > 0:
+                        bound = min(tuning[4, w], 1e6)
+                        change = par[P_CHANGE_X] if ch == 1 else par[P_CHANGE_Z]
+                        back = _roll_back(
+                            winds[1 - ch], newest, min(k, S), t_s, bound, int(par[P_BASE]), change
+                        )
+                    held[1 - ch] = back
+                    for j in range(N):
+                        x[j, w] = back
+                    x_prior[w] = back
+                    u[:, w] = 0.0
+                else:
+                    held[1 - ch] = x[N - 1, w]
+            elif faulty < 3.0:
+                lost[ch] = 0.0
+            if lost[ch] == 1.0:
+                use_new[2 + ch] = 0.0
+            for a in range(3):
+                table[a, w] = tuning[a, w]
+            table[3, w] = tuning[3, w]
+            table[4, w] = tuning[4, w]
+            if lost[ch] == 1.0 and par[P_LATCH] == 1.0:
+                table[0, w] = FROZEN_VAR
+                table[1, w] = FROZEN_VAR
+                table[3, w] = -np.inf
+                table[4, w] = np.inf
+            # remember the wind while the sensors agree
+            if parted - together < par[P_SPREAD] * limit and lost[ch] == 0.0:
+                delay = int(par[P_REF_DELAY])
+                if k > delay:
+                    old = winds[1 - ch, (k - 1 - delay) % S]
+                    W_ref[1 - ch] += (old - W_ref[1 - ch]) / par[P_REF_MEAN]
+            elif lost[ch] == 1.0:
+                W_ref[1 - ch] = held[1 - ch]
+            # band about the wind of change_base_s ago
+            base = int(par[P_BASE])
+            confine[1, 1 - ch] = np.inf
+            confine[0, 1 - ch] = 0.0
+            if k > base and lost[ch] == 0.0 and tuning[4, w] < np.inf:
+                confine[0, 1 - ch] = winds[1 - ch, (k - 1 - base) % S]
+                confine[1, 1 - ch] = par[P_CHANGE_X] if ch == 1 else par[P_CHANGE_Z]
+
+        for a in range(4):
+            y[N - 1, a] = y_new[a]
+            use[N - 1, a] = use_new[a]
+        status, _ = mhe_solve(
+            model, t_s, table, confine, kappa, n_kappa, n_qp, n_sqp, N, window, work
+        )
+        winds[0, k % S] = x[N - 1, 2]
+        winds[1, k % S] = x[N - 1, 3]
+        count[0] += 1.0
+
+        out = record[row]
+        for a in range(4):
+            out[a] = x[N - 1, a]
+        for ch in range(2):
+            for i in range(3):
+                out[4 + 3 * ch + i] = J[ch, i]
+                out[10 + 3 * ch + i] = latched[ch, i]
+        out[R_CONFIGURATION] = lost[0] + 2.0 * lost[1]
+        linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
+        out[R_ALPHA] = h[2]
+        out[R_CAS] = h[3]
+        walk = par[P_WALK]
+        wz = math.hypot(par[P_GUST_Z], walk * math.sqrt(since[0])) if lost[0] == 1.0 else 0.0
+        wx = math.hypot(par[P_GUST_X], walk * math.sqrt(since[1])) if lost[1] == 1.0 else 0.0
+        out[R_ALPHA_STD] = math.hypot(math.sqrt(tuning[2, 2]), wz / max(th[0], 1.0))
+        out[R_CAS_STD] = math.hypot(math.sqrt(tuning[2, 3]), wx)
+        out[R_STATUS] = status
+
+
+@dataclass
+class TriplexRecord:
+    """What :class:`Triplex` says of each sample.
+
+    Attributes
+    ----------
+    x : (T, 4) float64
+        [alpha, V_g, W_x, W_z] [rad, m/s].
+    J : (T, 2, 3) float64 [rad, m/s]
+        Residual rms; channel 0 the vanes, 1 the pitots.
+    faulty : (T, 2, 3) bool
+    configuration : (T,) int
+        Index into :data:`CONFIGURATIONS`.
+    alpha, cas, alpha_std, cas_std : (T,) float64 [rad, m/s]
+        Reconstructed values; while a channel is lost the deviation carries the held wind's.
+    status : (T,) int
+        Of the solver, :mod:`estimators.mhe`.
+    """
+
+    x: Array
+    J: Array
+    faulty: NDArray[np.bool_]
+    configuration: NDArray[np.int64]
+    alpha: Array
+    cas: Array
+    alpha_std: Array
+    cas_std: Array
+    status: NDArray[np.int64]
+
+
+@dataclass
+class Triplex:
+    """Fault-tolerant estimation over blocks of samples; any cut into blocks gives the same.
+
+    Parameters
+    ----------
+    estimator : AirDataMHE
+        Started at the first sample's state.
+    tuning : TriplexTuning
+    """
+
+    estimator: AirDataMHE
+    tuning: TriplexTuning = field(default_factory=TriplexTuning)
+    history_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        t_s = self.estimator.tuning.t_s
+        self._par = self.tuning.parameters(t_s)
+        self._rings = np.zeros((3, 2, 3, self.tuning.N_eval))
+        self._memory = np.zeros(48)
+        self._winds = np.zeros((2, int(self.history_s / t_s)))
+
+    @classmethod
+    def start(
+        cls,
+        x0: Array,
+        theta0: Array,
+        mhe: AirDataTuning | None = None,
+        tuning: TriplexTuning | None = None,
+    ) -> Triplex:
+        """Begin at a state ``x0`` (4,) with parameters ``theta0`` (6,)."""
+        estimator = AirDataMHE(mhe or AirDataTuning(), x0, theta0)
+        return cls(estimator, tuning or TriplexTuning())
+
+    def run(self, inertial: Array, vanes: Array, pitots: Array, theta: Array) -> TriplexRecord:
+        """Take (T, ...) samples; the arrays are those of :func:`triplex_run`."""
+        e, t = self.estimator, self.estimator.tuning
+        record = np.empty((len(inertial), R_SIZE))
+        triplex_run(
+            t.model, t.t_s, e.table, self._par, 0.0 if t.converged else t.kappa, t.n_kappa, t.n_qp,
+            t.sqp_iterations, t.N, e.window, e.work, self._rings, self._memory, self._winds,
+            np.ascontiguousarray(inertial), np.ascontiguousarray(vanes),
+            np.ascontiguousarray(pitots), np.ascontiguousarray(theta), record,
+        )  # fmt: skip
+        return TriplexRecord(
+            x=record[:, R_X],
+            J=record[:, R_J].reshape(-1, 2, 3),
+            faulty=record[:, R_LATCHED].reshape(-1, 2, 3) == 1.0,
+            configuration=record[:, R_CONFIGURATION].astype(np.int64),
+            alpha=record[:, R_ALPHA],
+            cas=record[:, R_CAS],
+            alpha_std=record[:, R_ALPHA_STD],
+            cas_std=record[:, R_CAS_STD],
+            status=record[:, R_STATUS].astype(np.int64),
+        )

@@ -1,0 +1,257 @@
+"""The fault logic on exact longitudinal flights: who is blamed, how fast, and for how long."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from estimators.air_data_mhe import AirDataTuning
+from estimators.baselines import numpy_twins_air as twin
+from estimators.triplex import Triplex, TriplexTuning, fuse, residual_rms
+
+from .longitudinal_truth import KT, fly
+
+ONSET_S = 20.0
+DEG = math.radians(1.0)
+
+# kind -> (size on a vane, size on a pitot, seconds within which both must be confirmed)
+FAULTS = {
+    "oscillation": (5 * DEG, 30 * KT, 1.5),
+    "jamming": (5 * DEG, 25 * KT, 1.5),
+    "runaway": (1 * DEG, 8 * KT, 6.0),
+    "bias": (-4 * DEG, -25 * KT, 1.5),
+    "non-return to zero": (3.5 * DEG, 18 * KT, 1.5),
+}
+
+
+def _break(flight, channel, sensors, kind, size, start_s=ONSET_S, stop_s=np.inf):
+    array = flight.vanes if channel == 0 else flight.pitots
+    on = (flight.t >= start_s) & (flight.t < stop_s)
+    since = flight.t[on] - start_s
+    for i in sensors:
+        healthy = array[on, i]
+        array[on, i] = {
+            "oscillation": healthy + size * np.sin(2 * np.pi * since),
+            "jamming": np.full(on.sum(), healthy[0] + size),
+            "runaway": healthy + size * since,
+            "bias": healthy + size,
+            "non-return to zero": healthy + size,
+            "silent": np.full(on.sum(), np.nan),
+        }[kind]
+
+
+def _run(flight, tuning=None, **mhe):
+    triplex = Triplex.start(flight.x0, flight.theta[0], AirDataTuning(**mhe), tuning)
+    return triplex.run(flight.inertial, flight.vanes, flight.pitots, flight.theta)
+
+
+def _first_s(flight, faulty):
+    """Time of the first True per sensor; NaN where there is none."""
+    return np.where(faulty.any(axis=0), flight.t[faulty.argmax(axis=0)], np.nan)
+
+
+def _released(faulty):
+    """Whether any sensor was faulty and later not."""
+    return bool((np.diff(faulty.astype(int), axis=0) < 0).any())
+
+
+def test_fusion_and_evaluation_equal_their_twins():
+    rng = np.random.default_rng(1)
+    for use in ([1, 1, 1], [1, 0, 1], [0, 0, 1], [0, 0, 0]):
+        args = (
+            rng.normal(100, 3, 3),
+            rng.uniform(0.1, 3, 3),
+            np.array(use, float),
+            rng.uniform(0, 9, 3),
+        )
+        assert fuse(*args) == pytest.approx(twin.fuse(*args), rel=1e-13)
+    ring = rng.normal(size=10)
+    assert residual_rms(ring, 7) == pytest.approx(twin.residual_rms(ring[:7]), rel=1e-14)
+
+
+@pytest.mark.parametrize(("gust_std", "shear"), [(0.0, 0.0), (1.0, 3.0), (3.5, 8.0)])
+def test_healthy_sensors_stay_healthy(gust_std, shear):
+    """m/s of turbulence and of a 47 s wind swing; 3.5 is the papers' turbulence."""
+    for seed in range(4):
+        flight = fly(120.0, seed, gust_std=gust_std, shear=shear)
+        record = _run(flight)
+        assert not record.faulty.any()
+        assert (record.configuration == 0).all()
+        assert (record.status == 0).all()
+        error_deg = np.degrees(np.abs(record.alpha - flight.alpha))
+        assert error_deg.mean() < 0.1 + 0.1 * gust_std
+        assert (np.abs(record.cas - flight.cas) / KT).mean() < 0.3 + gust_std
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+@pytest.mark.parametrize("where", ["vanes", "pitots", "both"])
+def test_two_of_three_are_isolated(kind, where):
+    """wan2016 Table 1: two sensors of a channel, or of both, fail at once in each of five ways."""
+    vane_size, pitot_size, within_s = FAULTS[kind]
+    for seed in range(3):
+        flight = fly(60.0, seed)
+        expected = np.zeros((2, 3), dtype=bool)
+        if where != "pitots":
+            _break(flight, 0, (0, 1), kind, vane_size)
+            expected[0, :2] = True
+        if where != "vanes":
+            _break(flight, 1, (1, 2), kind, pitot_size)
+            expected[1, 1:] = True
+        record = _run(flight)
+        first = _first_s(flight, record.faulty)
+        assert np.isnan(first[~expected]).all(), "a healthy sensor was blamed"
+        assert (first[expected] >= ONSET_S).all()
+        assert (first[expected] < ONSET_S + within_s).all()
+        settled = flight.t > ONSET_S + within_s + 2.0
+        assert np.degrees(np.abs(record.alpha - flight.alpha)[settled]).mean() < 0.25
+        assert np.abs(record.cas - flight.cas)[settled].mean() / KT < 1.0
+
+
+def test_three_running_away_are_found_only_with_bounds_and_stay_found():
+    """-15 kt/s on all pitots at 350 kt; about 4 s in the paper."""
+    for seed in range(3):
+        flight = fly(80.0, seed, speed=180.0, altitude=1524.0)
+        _break(flight, 1, (0, 1, 2), "runaway", -15 * KT)
+        np.maximum(flight.pitots, 20 * KT, out=flight.pitots)
+        bounded, free = _run(flight), _run(flight, constrained=False)
+        first = _first_s(flight, bounded.faulty)
+        assert (first[1] > ONSET_S).all()
+        assert (first[1] < ONSET_S + 6.0).all()
+        assert not _released(bounded.faulty)
+        assert bounded.configuration[-1] == 2
+        assert not bounded.faulty[:, 0].any()
+        assert not free.faulty.any()
+        # the true value is still told, within the deviation that is told with it
+        late = flight.t > 40.0
+        error = np.abs(bounded.cas - flight.cas)[late]
+        assert (error < 3.0 * bounded.cas_std[late]).all()
+        assert np.abs(free.cas - flight.cas)[-1] > 200 * KT
+
+
+@pytest.mark.parametrize("size_kt", [-45, -30, -20, 30])
+def test_a_common_step_stays_found(size_kt):
+    """And without the latch it does not: see the next test."""
+    flight = fly(120.0, 1, speed=180.0)
+    _break(flight, 1, (0, 1, 2), "bias", size_kt * KT)
+    record = _run(flight)
+    assert (_first_s(flight, record.faulty)[1] < ONSET_S + 1.0).all()
+    assert not _released(record.faulty)
+
+
+def test_without_the_latch_a_common_step_is_released_and_absorbed():
+    flight = fly(120.0, 1, speed=180.0)
+    _break(flight, 1, (0, 1, 2), "bias", -20 * KT)
+    record = _run(flight, TriplexTuning(latch=False))
+    assert (_first_s(flight, record.faulty)[1] < ONSET_S + 1.0).all()
+    assert not record.faulty[-1].any()
+    assert record.x[-1, 2] - flight.wind[-1, 0] > 15 * KT
+
+
+def test_a_lost_channel_comes_back_when_its_sensors_recover():
+    for kind, size in (("bias", -30 * KT), ("runaway", -15 * KT)):
+        flight = fly(120.0, 2, speed=180.0)
+        _break(flight, 1, (0, 1, 2), kind, size, stop_s=50.0)
+        record = _run(flight)
+        faulty = record.faulty[:, 1]
+        assert faulty[flight.t < 49.0][-1].all()
+        back = flight.t[(flight.t > 50.0) & ~faulty.any(axis=1)][0]
+        assert back < 56.0
+        assert not faulty[-1].any()
+        assert np.abs(record.cas - flight.cas)[-200:].max() < 4 * KT
+
+
+def test_the_unobservable_wind_is_frozen_in_configuration_iii():
+    flight = fly(100.0, 0, speed=180.0, shear=5.0)
+    _break(flight, 1, (0, 1, 2), "bias", -60 * KT)
+    record = _run(flight)
+    lost = record.configuration == 2
+    held = record.x[lost, 2]
+    assert lost.sum() > 1000
+    assert np.ptp(held) < 1e-3
+    before = flight.wind[(flight.t > 17.0) & (flight.t < ONSET_S), 0].mean()
+    assert held[0] == pytest.approx(before, abs=3.0)
+
+
+def test_configuration_iv_tells_how_little_it_knows():
+    """No vane and no pitot: V_g, V_z and the IMU see only the inertial flow angle (trap 10)."""
+    flight = fly(80.0, 1, speed=180.0)
+    _break(flight, 0, (0, 1, 2), "bias", 5 * DEG)
+    _break(flight, 1, (0, 1, 2), "bias", -40 * KT, start_s=30.0)
+    record = _run(flight)
+    assert record.configuration[-1] == 3
+    assert not _released(record.faulty)
+    late = flight.t > 32.0
+    assert (np.abs(record.alpha - flight.alpha)[late] < 3 * record.alpha_std[late]).all()
+    assert record.alpha_std[-1] > 2 * record.alpha_std[0]
+
+
+def test_a_shared_slow_drift_does_not_vote_the_healthy_sensor_out():
+    """Two pitots at -1.5 kt/s, two vanes at 0.2 deg/s, in light turbulence and a steady wind."""
+    for seed in range(4):
+        for channel, size in ((1, -1.5 * KT), (0, 0.2 * DEG)):
+            flight = fly(80.0, seed, gust_std=1.0, shear=0.5)
+            _break(flight, channel, (0, 1), "runaway", size)
+            record = _run(flight)
+            expected = np.zeros((2, 3), dtype=bool)
+            expected[channel, :2] = True
+            first = _first_s(flight, record.faulty)
+            assert np.isnan(first[~expected]).all()
+            assert (first[expected] < ONSET_S + 25.0).all()
+
+
+def test_three_drifting_vanes_need_a_tight_bound_on_the_vertical_wind():
+    """Trap 11: a bound of 120 kt is 18 degrees of angle of attack."""
+    flight = fly(100.0, 0, speed=180.0)
+    _break(flight, 0, (0, 1, 2), "runaway", 0.5 * DEG)
+    tight = _run(flight, wind_bound_m_s=(120 * KT, 25 * KT))
+    assert (_first_s(flight, tight.faulty)[0] < ONSET_S + 18.0).all()
+    assert not _released(tight.faulty)
+    loose = _run(flight)
+    assert not loose.faulty[flight.t < ONSET_S + 40.0].any()
+
+
+def test_a_silent_sensor_is_faulty_and_the_others_carry_on():
+    flight = fly(60.0, 0)
+    _break(flight, 1, (0,), "silent", 0.0)
+    record = _run(flight)
+    assert _first_s(flight, record.faulty)[1, 0] < ONSET_S + 1.0
+    assert record.faulty.any(axis=0).sum() == 1
+    assert np.isfinite(record.x).all()
+
+
+def test_any_cut_into_blocks_gives_the_same_record():
+    flight = fly(40.0, 3)
+    _break(flight, 1, (1, 2), "bias", 25 * KT)
+    whole = _run(flight)
+    triplex = Triplex.start(flight.x0, flight.theta[0])
+    cuts = [0, 1, 2, 50, 51, 400, len(flight.t)]
+    parts = [
+        triplex.run(flight.inertial[s], flight.vanes[s], flight.pitots[s], flight.theta[s])
+        for s in (slice(a, b) for a, b in itertools.pairwise(cuts))
+    ]
+    np.testing.assert_array_equal(np.concatenate([p.x for p in parts]), whole.x)
+    np.testing.assert_array_equal(np.concatenate([p.faulty for p in parts]), whole.faulty)
+
+
+def test_the_residual_gain_to_a_persistent_fault_rises_when_a_bound_is_active(oracle):
+    """What holds of Theorem 1.
+
+    The theorem compares S S' = 1 + K K', in which active constraints *shrink* K. The gain to a
+    fault that persists over the window, 1 minus the sum of K, is what a monitor needs: it is one
+    when the bound takes the freedom away, and less without it.
+    """
+    from .air_oracle import load
+
+    gains = {}
+    for case in ("c04", "c05"):  # the same window, with and without bounds
+        predictions = []
+        for fault in (0.0, -0.5):
+            estimator = load(oracle, case).estimator(converged=True, sqp_iterations=60)
+            estimator.y[:, 3] += fault
+            estimator.solve()
+            x, theta = estimator.x[-1], estimator.theta[-1]
+            predictions.append(twin.outputs(0, x, theta)[3])
+        gains[case] = 1.0 - (predictions[1] - predictions[0]) / -0.5
+    assert gains["c04"] == pytest.approx(1.0, abs=5e-3)
+    assert gains["c05"] < 0.95
