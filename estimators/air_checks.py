@@ -7,12 +7,13 @@ c        calibrated airspeed shown                                            m/
 p        what the pitot should show, of the bank's master; NaN while unknown  m/s
 V        speed over the ground                                                m/s
 z        c / p, noise is judged on it                                         1
-D2       z_k - 2 z_(k-1) + z_(k-2): of white noise its variance is 6 s^2      1
-s        rms noise of z, ``sqrt(mean(D2^2) / 6)``                             1
+D2       z_k - 2 z_(k-1) + z_(k-2): of white noise s its variance is 6 s^2    1
+VAR      running mean of D2^2                                                 1
+PAIR     running mean of the square of the difference of two pitots' D2       1
 ======== ==================================================================== ====
 
 The checks: constant (``stuck``), grossly off the prediction, dead while the aircraft flies fast
-over the ground, noisier than the quietest of the others. Each must hold for its time without a
+over the ground, or scattering against the others. Each must hold for its time without a
 break. They judge only a pitot that exists: one that has ever shown more than zero, or the first one
 where the autopilot lists it as present.
 """
@@ -41,7 +42,9 @@ __all__ = [
     "grossly_off",
     "new_check",
     "noise_check",
-    "noise_rms",
+    "noisy",
+    "pair_noise",
+    "pair_noise_rms",
 ]
 
 Array = NDArray[np.float64]
@@ -50,10 +53,14 @@ CHECK_NONE, CHECK_CONSTANT, CHECK_GROSS, CHECK_DEAD, CHECK_NOISE, CHECK_BANK = r
 CHECK_NAMES = ("none", "constant", "gross", "dead", "noise", "bank")
 
 # State of one pitot's checks.
-T_LAST, Z1, Z2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOISE_SINCE, ALIVE = range(
-    11
+T_LAST, Z1, Z2, D2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOISE_SINCE, ALIVE = (
+    range(12)
 )
-N_CHECK = 11
+PAIR0 = 12
+N_CHECK = 15
+
+SIMULTANEOUS_S = 0.06
+"""Samples of two pitots nearer than this felt the same gust."""
 
 
 class CheckLimits(NamedTuple):
@@ -71,9 +78,10 @@ class CheckLimits(NamedTuple):
 
 
 def new_check() -> Array:
-    """State before the first sample, shape (11,)."""
+    """State before the first sample, shape (15,)."""
     state = np.full(N_CHECK, np.nan)
     state[[N_SAME, VAR, ALIVE]] = 0.0
+    state[PAIR0:] = 0.0
     return state
 
 
@@ -95,12 +103,6 @@ def grossly_off(state: Array) -> bool:
 
 
 @kernel
-def noise_rms(state: Array) -> float:
-    """Relative rms noise of a pitot [1]."""
-    return math.sqrt(state[VAR] / 6.0)
-
-
-@kernel
 def check_sample(
     state: Array,
     limits: CheckLimits,
@@ -117,7 +119,7 @@ def check_sample(
 
     Parameters
     ----------
-    state : (11,) float64, changed in place
+    state : (15,) float64, changed in place
     t, c : float [s], [m/s]
     p, p_std : float [m/s], [1]
         Prediction and the standard deviation of its logarithm; NaN where there is none.
@@ -131,11 +133,10 @@ def check_sample(
         state[ALIVE] = 1.0
     dt = t - state[T_LAST]
     z = c / p if p > 1.0 else np.nan
-    second_difference = z - 2.0 * state[Z1] + state[Z2]
-    if 0.0 < dt < 0.5 and not np.isnan(second_difference):
-        weight = min(dt / limits.noise_tau_s, 1.0)
-        d2 = min(second_difference * second_difference, 4.0)
-        state[VAR] += weight * (d2 - state[VAR])
+    state[D2] = z - 2.0 * state[Z1] + state[Z2] if 0.0 < dt < 0.5 else np.nan
+    if not np.isnan(state[D2]):
+        d2 = min(state[D2] * state[D2], 4.0)
+        state[VAR] += min(dt / limits.noise_tau_s, 1.0) * (d2 - state[VAR])
     state[Z2] = state[Z1] if dt < 0.5 else np.nan
     state[Z1] = z
     state[T_LAST] = t
@@ -159,19 +160,66 @@ def check_sample(
 
 
 @kernel
-def noise_check(states: Array, limits: CheckLimits, i: int, use: int, t: float) -> bool:
-    """Whether pitot i has been much noisier than the quietest other one for long enough.
+def pair_noise(states: Array, limits: CheckLimits, i: int, dt: float) -> None:
+    """After a sample of pitot i: follow its noise against every pitot sampled at the same time.
+
+    What both show is gust; only the difference is noise.
 
     Parameters
     ----------
-    states : (3, 11) float64
-    use : int
+    states : (3, 15) float64, changed in place
+    dt : float [s]
+        Time since the sample of i before.
+    """
+    own = states[i]
+    for j in range(states.shape[0]):
+        other = states[j]
+        difference = own[D2] - other[D2]
+        together = abs(own[T_LAST] - other[T_LAST]) < SIMULTANEOUS_S
+        if j != i and together and not np.isnan(difference):
+            weight = min(dt / limits.noise_tau_s, 1.0)
+            v = own[PAIR0 + j]
+            v += weight * (min(difference * difference, 4.0) - v)
+            own[PAIR0 + j] = v
+            other[PAIR0 + i] = v
+
+
+@kernel
+def noisy(states: Array, limits: CheckLimits, i: int, others: int, share: float) -> bool:
+    """Whether pitot i scatters against every one of the others, and more than they do.
+
+    Its difference from the others must scatter by ``share`` of the limits, and most of that scatter
+    must show in its own readings.
+
+    Parameters
+    ----------
+    states : (3, 15) float64
+    others : int
         Bit set for each pitot that may serve for comparison.
     """
-    quietest = np.inf
+    pair, quietest = np.inf, np.inf
     for j in range(states.shape[0]):
-        if j != i and (use >> j) & 1:
-            quietest = min(quietest, noise_rms(states[j]))
-    own = noise_rms(states[i])
-    noisy = own > limits.noise_rms and own > limits.noise_ratio * quietest
-    return _held(states[i], NOISE_SINCE, noisy, t) > limits.noise_s
+        if j != i and (others >> j) & 1:
+            pair = min(pair, states[i, PAIR0 + j])
+            quietest = min(quietest, states[j, VAR])
+    if pair == np.inf:
+        return False
+    limit = share * max(limits.noise_rms, limits.noise_ratio * math.sqrt(quietest / 6.0))
+    return bool(pair > 6.0 * limit * limit and states[i, VAR] - quietest > 0.5 * pair)
+
+
+@kernel
+def noise_check(states: Array, limits: CheckLimits, i: int, others: int, t: float) -> bool:
+    """Whether pitot i has been :func:`noisy` for long enough."""
+    held_s = _held(states[i], NOISE_SINCE, noisy(states, limits, i, others, 1.0), t)
+    return held_s > limits.noise_s
+
+
+@kernel
+def pair_noise_rms(states: Array, i: int, others: int) -> float:
+    """Relative rms noise of pitot i against the one it agrees with best [1]."""
+    pair = np.inf
+    for j in range(states.shape[0]):
+        if j != i and (others >> j) & 1:
+            pair = min(pair, states[i, PAIR0 + j])
+    return math.sqrt(pair / 6.0)

@@ -161,7 +161,7 @@ def spawn(
         Bit i set: pitot i is under judgement; only masks within it are started.
     jump_scale, jump_wind_m_s : float
         Standard deviations of the shift of k and of the horizontal wind; the vertical wind's is a
-        quarter.
+        tenth.
     """
     g = _slot(bank.born, t, age_max_s)
     bank.born[g] = t
@@ -180,7 +180,7 @@ def spawn(
         if h == WIND_CHANGED:
             P[0, 0] += jump_wind_m_s**2
             P[1, 1] += jump_wind_m_s**2
-            P[2, 2] += (0.25 * jump_wind_m_s) ** 2
+            P[2, 2] += (0.1 * jump_wind_m_s) ** 2
         for i in range(N_PITOTS):
             if (h >> i) & 1:
                 P[_SCALE0 + i, _SCALE0 + i] += jump_scale**2

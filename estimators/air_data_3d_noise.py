@@ -6,12 +6,13 @@ symbol      meaning                                                             
 s           slip: component of V - W across the nose, less n b                  m/s
 sigma_g     rms of s with its slow part taken out: the gust intensity           m/s
 u_i         variance of the epoch-to-epoch change of pitot i's residual, / 2    1
+w_ij        variance of the same change of the difference of two pitots, / 4    1
 a           horizontal acceleration over the ground                             m/s^2
 sigma_V^2   white noise of GPS velocity beyond the autopilot's, and half the    m^2/s^2
             square of their lasting difference
 R_lateral   (sideslip n)^2 + (timing a)^2 + sigma_V^2                           m^2/s^2
 R_common    common^2 + min u + ((timing a)^2 + sigma_V^2) / n^2                 1
-R_own       own^2 + min u                                                       1
+R_own       own^2 + min w                                                       1
 ==========  ==================================================================  ==========
 """
 
@@ -28,10 +29,10 @@ from estimators.jit import kernel
 
 __all__ = [
     "ACC",
-    "GUST_STD",
-    "N_NOISE",
     "APART",
     "GPS_STD",
+    "GUST_STD",
+    "N_NOISE",
     "R_COMMON",
     "R_LATERAL",
     "R_OWN",
@@ -44,13 +45,15 @@ __all__ = [
 Array = NDArray[np.float64]
 
 SLIP_MEAN, SLIP_VAR, GUST_STD, ACC, GPS_STD, APART, R_LATERAL, R_COMMON, R_OWN = range(9)
-_U0, _E0, _APART, _GPS, _NAV = 9, 12, 15, 17, 22
-N_NOISE = 27
+_U0, _PAIR, _E0, _APART, _GPS, _NAV = 9, 12, 15, 18, 20, 25
+N_NOISE = 30
 
 ACC_MAX_M_S2 = 30.0
 
 SLIP_MEAN_TAU_S = 5.0
 LEVEL_TAU_S = 10.0
+GUST_RISE_S, GUST_FALL_S = 5.0, 30.0
+"""Gusts come in bursts: their level is believed soon and forgotten late."""
 REFERENCE_TAU_S = 2.0
 
 
@@ -66,7 +69,7 @@ class NoiseLevels(NamedTuple):
 
 
 def new_noise(levels: NoiseLevels) -> Array:
-    """Noise state before the first epoch, shape (27,)."""
+    """Noise state before the first epoch, shape (30,)."""
     state = np.zeros(N_NOISE)
     state[SLIP_VAR] = (2.0 * levels.gust_min_m_s) ** 2
     state[GUST_STD] = 2.0 * levels.gust_min_m_s
@@ -100,7 +103,7 @@ def reference_noise(state: Array, dt: float, V: Array, v_nav: Array, has_nav: bo
 
     Parameters
     ----------
-    state : (27,) float64, changed in place
+    state : (30,) float64, changed in place
     V, v_nav : (3,) float64 [m/s]
     """
     weight = min(dt / REFERENCE_TAU_S, 1.0)
@@ -139,7 +142,7 @@ def adapt(
 
     Parameters
     ----------
-    state : (27,) float64, changed in place
+    state : (30,) float64, changed in place
     x : (10,) float64
         The master's state, before the epoch's measurements are used.
     V, e_y, y : (3,) float64 [m/s], [1], [1]
@@ -157,25 +160,32 @@ def adapt(
     slip -= n * x[YAW]
     state[SLIP_MEAN] += min(dt / SLIP_MEAN_TAU_S, 1.0) * (slip - state[SLIP_MEAN])
     fast2 = min((slip - state[SLIP_MEAN]) ** 2, levels.gust_max_m_s**2)
+    tau = GUST_RISE_S if fast2 > state[SLIP_VAR] else GUST_FALL_S
+    state[SLIP_VAR] += min(dt / tau, 1.0) * (fast2 - state[SLIP_VAR])
     weight = min(dt / LEVEL_TAU_S, 1.0)
-    state[SLIP_VAR] += weight * (fast2 - state[SLIP_VAR])
     state[GUST_STD] = min(max(math.sqrt(state[SLIP_VAR]), levels.gust_min_m_s), levels.gust_max_m_s)
-    quietest = np.inf
+    common2, own2 = np.inf, np.inf
     for i in range(N_PITOTS):
+        old = state[_E0 + i]
         e[i] = y[i] - ln_sigma - math.log(n) + x[SCALE.start + i]
-        change = e[i] - state[_E0 + i]
-        state[_E0 + i] = e[i]
-        if not np.isnan(change):
+        change = e[i] - old
+        if (use >> i) & 1 and not np.isnan(change):
             state[_U0 + i] += weight * (min(0.5 * change * change, 1.0) - state[_U0 + i])
-        if (use >> i) & 1:
-            quietest = min(quietest, state[_U0 + i])
-    if quietest == np.inf:
-        quietest = 0.0
+            common2 = min(common2, state[_U0 + i])
+        for j in range(i):
+            pair = change - (e[j] - state[_E0 + j])
+            k = _PAIR + i + j - 1
+            if (use >> i) & (use >> j) & 1 and not np.isnan(pair):
+                state[k] += weight * (min(0.25 * pair * pair, 1.0) - state[k])
+                own2 = min(own2, state[k])
+    for i in range(N_PITOTS):
+        state[_E0 + i] = e[i]
     # One pitot cannot be told from a gust by its own noise: it may claim no more than the slip.
-    quietest = min(quietest, (state[GUST_STD] / n) ** 2)
+    common2 = min(common2, (state[GUST_STD] / n) ** 2)
+    own2 = own2 if own2 < np.inf else 0.0
     timing2 = (levels.timing_s * state[ACC]) ** 2
     reference2 = state[GPS_STD] ** 2 + 0.5 * state[APART] ** 2
     state[R_LATERAL] = (levels.sideslip_rad * n) ** 2 + timing2 + reference2
-    state[R_COMMON] = levels.pitot_common**2 + quietest + (timing2 + reference2) / (n * n)
-    state[R_OWN] = levels.pitot_own**2 + quietest
+    state[R_COMMON] = levels.pitot_common**2 + common2 + (timing2 + reference2) / (n * n)
+    state[R_OWN] = levels.pitot_own**2 + own2
     return n

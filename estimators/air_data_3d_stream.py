@@ -37,12 +37,15 @@ from estimators.air_checks import (
     GROSS_SINCE,
     NOISE_SINCE,
     SAME_SINCE,
+    T_LAST,
     CheckLimits,
     check_sample,
     grossly_off,
     new_check,
     noise_check,
-    noise_rms,
+    noisy,
+    pair_noise,
+    pair_noise_rms,
 )
 from estimators.air_data_3d import GUST, N_PITOTS, SCALE, YAW, air_velocity
 from estimators.air_data_3d_bank import Bank, bank_step, clear, new_bank, spawn
@@ -149,6 +152,8 @@ ABSENT_AFTER_S = 10.0
 """A pitot that has shown nothing but zero for so long in flight is not there."""
 BREAK_S = 5.0
 """After so long without a step the explanations under test have lost their witness."""
+QUIET_SHARE = 0.5
+"""A pitot that scattered recovers when it scatters by less than this share of the limit."""
 YAW_WALK_RAD = 1e-4
 N_ESTIMATE = 15
 """Columns: t, cas, its std, tas, std, aoa, std, ssa, std, wind N E D, their stds; s, m/s, rad."""
@@ -163,6 +168,8 @@ class FilterLevels(NamedTuple):
     scale_walk: float
     scale_walk_shifted: float
     wind_prior_m_s: float
+    vertical_walk_m_s: float
+    vertical_prior_m_s: float
     scale_prior: float
     yaw_prior_rad: float
     gate: float
@@ -194,8 +201,8 @@ class AirState(NamedTuple):
     memory : (18,) float64
     pending : (16, 4) float64 [s, m/s]
         GPS epochs that wait.
-    noise : (27,) float64
-    check : (3, 11) float64
+    noise : (30,) float64
+    check : (3, 15) float64
     """
 
     memory: Array
@@ -232,7 +239,7 @@ def _start(air: AirState, par: AirParams) -> None:
     bank.P[:] = 0.0
     for i in range(2):
         bank.P[i, i] = f.wind_prior_m_s**2
-    bank.P[2, 2] = (0.25 * f.wind_prior_m_s) ** 2
+    bank.P[2, 2] = f.vertical_prior_m_s**2
     for i in range(GUST.start, GUST.stop):
         bank.P[i, i] = air.noise[GUST_STD] ** 2
     for i in range(N_PITOTS):
@@ -249,11 +256,11 @@ def _process_noise(air: AirState, par: AirParams, dt: float, sink: float, q: Arr
     f = par.levels
     phi = math.exp(-dt / f.gust_tau_s)
     walk = (f.wind_walk_m_s**2 + f.wind_shear_m_s**2 * abs(sink)) * dt
+    vertical = f.vertical_walk_m_s**2 * dt
     gust = air.noise[GUST_STD] ** 2 * (1.0 - phi * phi)
     for i in range(3):
-        part = 1.0 if i < 2 else 0.25
-        q[i] = part * walk
-        q[GUST.start + i] = part * gust
+        q[i] = walk if i < 2 else vertical
+        q[GUST.start + i] = gust if i < 2 else 0.25 * gust
         q[_SCALE0 + i] = f.scale_walk**2 * dt
     q[YAW] = YAW_WALK_RAD**2 * dt
     return phi
@@ -271,18 +278,23 @@ def _known(air: AirState) -> int:
 
 
 @kernel
+def _sound(air: AirState, known: int) -> int:
+    """Bit mask of the known pitots that are not faulty."""
+    mask = 0
+    for i in range(N_PITOTS):
+        if (known >> i) & 1 and air.judge.sensor[i, S_STATUS] != FAULTY:
+            mask |= 1 << i
+    return mask
+
+
+@kernel
 def _quiet(air: AirState, par: AirParams, known: int, t: float) -> int:
-    """Bit mask of pitots that are neither constant nor noisier than the others."""
+    """Bit mask of pitots that are neither constant nor scatter."""
     mask = 0
     for i in range(N_PITOTS):
         constant = t - air.check[i, SAME_SINCE] > par.checks.constant_s
-        quietest = np.inf
-        for j in range(N_PITOTS):
-            if j != i and (known >> j) & 1:
-                quietest = min(quietest, noise_rms(air.check[j]))
-        own = noise_rms(air.check[i])
-        noisy = own > 0.5 * par.checks.noise_rms and own > 0.5 * par.checks.noise_ratio * quietest
-        if not (constant or (noisy and quietest < np.inf)):
+        others = _sound(air, known) & ~(1 << i)
+        if not (constant or noisy(air.check, par.checks, i, others, QUIET_SHARE)):
             mask |= 1 << i
     return mask
 
@@ -446,10 +458,13 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
     eas = eas_from_cas(c, memory[PRESSURE])
     speed = memory[SPEED] if t - memory[T_EPOCH] < par.levels.reference_gap_s else 0.0
     sigma = sigma_rho_from_pressure(memory[PRESSURE])
+    dt = min(t - check[T_LAST], 1.0)
     failed = check_sample(
         check, par.checks, t, eas, p, p_std, speed, sigma, flying, s[S_LEARNT] == LEARNT
     )
+    pair_noise(air.check, par.checks, i, dt)
     known = _known(air)
+    others = _sound(air, known) & ~(1 << i)
     if s[S_STATUS] == FAULTY or not flying:
         return
     if not (known >> i) & 1:
@@ -467,9 +482,10 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
     elif failed == CHECK_DEAD:
         onset, limit = check[DEAD_SINCE], par.checks.dead_wind_m_s
         stat = speed - 1.2 * eas / sigma
-    elif trusted and noise_check(air.check, par.checks, i, known & ~(1 << i), t):
+    elif trusted and noise_check(air.check, par.checks, i, others, t):
         failed = CHECK_NOISE
-        onset, limit, stat = check[NOISE_SINCE], par.checks.noise_rms, noise_rms(check)
+        onset, limit = check[NOISE_SINCE], par.checks.noise_rms
+        stat = pair_noise_rms(air.check, i, others)
     if failed != CHECK_NONE:
         accuse_by_check(judge, par.limits, air.bank, log, t, i, failed, onset, stat, limit)
 

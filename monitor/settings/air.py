@@ -53,6 +53,17 @@ class AirSettings(Section):
         + _NOTE
         + "8 m/s for small aircraft.",
     )
+    vertical_walk_m_s: float = Field(
+        0.02,
+        gt=0,
+        description="Random walk of the mean vertical wind [m/s per sqrt(s)]; thermals are gusts.",
+    )
+    vertical_prior_m_s: float = Field(
+        0.5,
+        gt=0,
+        description="Standard deviation of the mean vertical wind [m/s]: continuity "
+        "lets no large area rise or sink faster.",
+    )
     wind_max_m_s: float = Field(
         30.0, gt=0, description="Horizontal wind beyond which no explanation is believed [m/s]."
     )
@@ -195,7 +206,9 @@ class AirSettings(Section):
         "ten times the 0.3 % of a healthy one at 18 m/s.",
     )
     noise_ratio: float = Field(
-        3.0, gt=1, description="And as many times that of the quietest other pitot."
+        0.5,
+        gt=0,
+        description="And so many times the scatter, gusts included, of the quietest other pitot.",
     )
     noise_s: float = Field(1.0, gt=0, description="How long the noise must last [s].")
     noise_tau_s: float = Field(1.0, gt=0, description="Averaging time of the noise [s].")

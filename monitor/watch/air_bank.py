@@ -59,6 +59,8 @@ def params(settings: AirSettings) -> AirParams:
             scale_walk=s.scale_walk,
             scale_walk_shifted=s.scale_walk_shifted,
             wind_prior_m_s=s.wind_prior_m_s,
+            vertical_walk_m_s=s.vertical_walk_m_s,
+            vertical_prior_m_s=s.vertical_prior_m_s,
             scale_prior=s.scale_prior,
             yaw_prior_rad=s.yaw_prior_rad,
             gate=s.gate_sigma,
