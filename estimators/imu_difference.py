@@ -1,0 +1,294 @@
+"""Tests that need no aircraft model: differences between IMUs, noise, values that stand still.
+
+IMUs are compared by their *mean over equal intervals* of a common time grid, each mean taken from
+its own samples by trapezoids that end exactly at the grid's edges: no pairing of samples by index,
+any two rates, no sensitivity to jitter.
+
+=========  ==============================================================  ======  ==========
+symbol     meaning                                                         shape   unit
+=========  ==============================================================  ======  ==========
+d          difference of two IMUs' means over one interval                 (6,)    SI
+b          its baseline over the last minute (turn-on biases)              (6,)    SI
+v          variance of d from interval to interval, half the mean square   (6,)    SI^2
+           of its first difference
+m_n        mean of d - b over the last n intervals                         (6,)    SI
+s_n        its standard deviation, ``sqrt(max(v / n, a / n, M_n) +        (6,)    SI
+           s_0^2 + (k |u|)^2)``
+M_n        mean square of m_n over the last minute                         (6,)    SI^2
+a          variance of d that the aliasing of the samples may cause        (6,)    SI^2
+z_n        ``m_n / s_n``                                                   (6,)    1
+k |u|      misalignment and scale: grows with what the manoeuvre demands   scalar  SI
+h          mean square second difference of an IMU's samples over 2 s      (6,)    SI^2
+=========  ==============================================================  ======  ==========
+
+Three lags see an abrupt fault at once and a small one later. The threshold grows with the noise of
+the differences themselves, so that turbulence that the samples alias does not look like a fault.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.jit import kernel
+
+__all__ = ["EDGES", "LAGS", "PAIR_ROWS", "close_bins", "fill_bins", "odd_noise", "watch_noise"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+EDGES = 16
+"""Edges of the grid kept per IMU."""
+
+LAGS = (1, 5, 15)
+"""Intervals over which differences are averaged."""
+
+D_BASE, D_VAR, D_LAST, D_COUNT, D_PEAK, D_HOLD = 0, 1, 2, 3, 4, 5
+D_Z, D_MEAN, D_MS, D_RING = 6, 9, 12, 15
+PAIR_ROWS = D_RING + 15
+"""Rows of a pair's state: b, v, last d, intervals seen, recent magnitude of the signal (acc in
+column 0, gyro in 3), hold flags (1: the baseline stands still on that axis, a fault is called),
+z per lag (3), m per lag (3), mean square of m per lag (3), the last 15 d."""
+
+BASELINE_S = 60.0
+VARIANCE_S = 20.0
+PEAK_S = 2.0
+QUIET_SIGMA = 2.5
+SLOWER = 0.1
+"""The baseline learns ten times slower beyond 2.5 sigma (deployed form's figures)."""
+
+CALIBRATION = 0.02
+"""Misalignment and scale mismatch between two IMUs, as a fraction of the signal."""
+
+FLOOR_ACC_M_S2 = 0.02
+FLOOR_GYRO_RAD_S = 0.001
+"""Wander of the difference that is no noise: the resolution of RAW_IMU is 1 mg and 1 mrad/s."""
+
+ALIAS = 0.3
+"""Share of the rms first difference that does not cancel between two IMUs sampled apart."""
+
+STANDARD_GRAVITY = 9.80665
+
+N_DIFF2, N_LOG_BASE, N_SLOPE, N_SAME_S, N_SAME, N_REPEAT, N_ZERO_S, N_SEEN = range(8)
+"""Rows of an IMU's noise state: h, its baseline logarithm, last first difference, since when the
+value has not moved, for how many samples, learnt share of repeated values, since when all six are
+zero, samples seen."""
+
+NOISE_BASELINE_S = 60.0
+NOISE_S = 2.0
+
+
+@kernel
+def fill_bins(
+    edge: Array,
+    edge_at: Ints,
+    integral: Array,
+    imu: int,
+    t0: float,
+    t1: float,
+    u0: Array,
+    u1: Array,
+    tick_s: float,
+) -> None:
+    """Carry an IMU's running integral to its new sample, noting it at the grid's edges between.
+
+    Parameters
+    ----------
+    edge : (I, EDGES, 6) float64 [m/s, rad]
+    edge_at : (I, EDGES) int64
+        Which edge of the grid each slot holds.
+    integral : (I, 6) float64 [m/s, rad]
+    imu : int
+    t0, t1 : float [s]
+        Times of the last and of the new sample.
+    u0, u1 : (6,) float64 [m/s^2, rad/s]
+        Their values.
+    tick_s : float [s]
+        Width of the grid.
+    """
+    dt = t1 - t0
+    k = math.floor(t0 / tick_s) + 1
+    while k * tick_s <= t1:
+        a = (k * tick_s - t0) / dt
+        slot = k % EDGES
+        for i in range(6):
+            at_edge = u0[i] + a * (u1[i] - u0[i])
+            edge[imu, slot, i] = integral[imu, i] + 0.5 * a * dt * (u0[i] + at_edge)
+        edge_at[imu, slot] = k
+        k += 1
+    for i in range(6):
+        integral[imu, i] += 0.5 * dt * (u0[i] + u1[i])
+
+
+@kernel
+def close_bins(
+    edge: Array, edge_at: Ints, pair: Array, alias: Array, k: int, tick_s: float
+) -> bool:
+    """Compare all IMUs over the interval that ends at edge ``k``.
+
+    Parameters
+    ----------
+    edge, edge_at
+        See :func:`fill_bins`.
+    pair : (I, I, PAIR_ROWS, 6) float64
+        State of the pair (i, j), i < j; changed in place.
+    alias : (I, 6) float64 [SI^2]
+        Mean square first difference of each IMU's samples times its sampling interval: what its
+        mean over an interval may owe to aliasing, times that interval.
+    k : int
+        The edge that all IMUs have passed.
+    tick_s : float [s]
+
+    Returns
+    -------
+    bool
+        Whether any z is beyond 2.5.
+    """
+    n = edge.shape[0]
+    odd = False
+    d = np.empty(6)
+    var = np.empty(6)
+    for i in range(n):
+        for j in range(i + 1, n):
+            a, b = k % EDGES, (k - 1) % EDGES
+            whole = edge_at[i, a] == k and edge_at[j, a] == k
+            if not (whole and edge_at[i, b] == k - 1 and edge_at[j, b] == k - 1):
+                continue
+            acc2, gyro2 = 0.0, 0.0
+            for c in range(6):
+                mean_i = (edge[i, a, c] - edge[i, b, c]) / tick_s
+                mean_j = (edge[j, a, c] - edge[j, b, c]) / tick_s
+                d[c] = mean_i - mean_j
+                smaller = min(abs(mean_i), abs(mean_j))
+                if c < 3:
+                    acc2 += smaller * smaller
+                else:
+                    gyro2 += smaller * smaller
+            for c in range(6):
+                var[c] = ALIAS**2 * (alias[i, c] + alias[j, c]) / tick_s
+            odd = _compare(pair[i, j], d, var, math.sqrt(acc2), math.sqrt(gyro2), tick_s) or odd
+    return odd
+
+
+@kernel
+def _compare(s: Array, d: Array, var: Array, acc: float, gyro: float, tick_s: float) -> bool:
+    """Use one difference of a pair; say whether any statistic is beyond 2.5."""
+    count = s[D_COUNT, 0]
+    fade = math.exp(-tick_s / PEAK_S)
+    s[D_PEAK, 0] = max(abs(acc - STANDARD_GRAVITY), fade * s[D_PEAK, 0])
+    s[D_PEAK, 3] = max(gyro, fade * s[D_PEAK, 3])
+    beyond = False
+    for c in range(6):
+        floor = FLOOR_ACC_M_S2 if c < 3 else FLOOR_GYRO_RAD_S
+        peak = s[D_PEAK, 0] if c < 3 else s[D_PEAK, 3]
+        step = 0.5 * (d[c] - s[D_LAST, c]) ** 2
+        if count == 0.0:
+            s[D_BASE, c] = d[c]
+            s[D_VAR, c] = (5.0 * floor) ** 2
+        else:
+            step = min(step, 9.0 * (s[D_VAR, c] + floor * floor))
+            s[D_VAR, c] += max(1.0 / (count + 5.0), tick_s / VARIANCE_S) * (step - s[D_VAR, c])
+        s[D_LAST, c] = d[c]
+        s[D_RING + int(count) % 15, c] = d[c]
+        worst = 0.0
+        for lag in range(3):
+            n = min(LAGS[lag], int(count) + 1)
+            m = 0.0
+            for q in range(n):
+                m += s[D_RING + (int(count) - q) % 15, c]
+            m = m / n - s[D_BASE, c]
+            v = max(max(s[D_VAR, c], var[c]) / n, s[D_MS + lag, c])
+            std = math.sqrt(v + floor * floor + (CALIBRATION * peak) ** 2)
+            s[D_MEAN + lag, c] = m
+            s[D_Z + lag, c] = m / std
+            worst = max(worst, abs(m / std))
+            if count > 25.0 and s[D_HOLD, c] == 0.0:
+                usual = min(m * m, 9.0 * std * std)
+                s[D_MS + lag, c] += tick_s / BASELINE_S * (usual - s[D_MS + lag, c])
+        if s[D_HOLD, c] == 0.0:
+            gain = max(1.0 / (count + 1.0), tick_s / BASELINE_S)
+            if worst > QUIET_SIGMA and count > 25.0:
+                gain *= SLOWER
+            s[D_BASE, c] += gain * (d[c] - s[D_BASE, c])
+        beyond = beyond or worst > QUIET_SIGMA
+    s[D_COUNT, 0] = count + 1.0
+    return beyond
+
+
+@kernel
+def watch_noise(
+    noise: Array, imu: int, t: float, dt: float, last: Array, u: Array, learn: bool
+) -> None:
+    """Noise of an IMU's samples, and for how long each value has not moved.
+
+    Parameters
+    ----------
+    noise : (I, 8, 6) float64
+        Changed in place; rows ``N_*``.
+    imu : int
+    t, dt : float [s]
+        Time of the new sample, and since the last.
+    last, u : (6,) float64 [m/s^2, rad/s]
+        Last and new sample.
+    learn : bool
+        Whether baselines move: in flight only.
+    """
+    s = noise[imu]
+    zero = True
+    for c in range(6):
+        slope = u[c] - last[c]
+        bend = slope - s[N_SLOPE, c]
+        s[N_SLOPE, c] = slope
+        s[N_DIFF2, c] += min(1.0, dt / NOISE_S) * (bend * bend - s[N_DIFF2, c])
+        same = u[c] == last[c]
+        if not same:
+            s[N_SAME, c] = 0.0
+            s[N_SAME_S, c] = t
+        else:
+            s[N_SAME, c] += 1.0
+        if learn:
+            # Runs are counted as they happen, so a value that has stuck teaches slowly.
+            gain = max(1.0 / (s[N_SEEN, c] + 20.0), min(1.0, dt / NOISE_BASELINE_S))
+            if s[N_SAME, c] < 5.0:
+                s[N_REPEAT, c] += gain * ((1.0 if same else 0.0) - s[N_REPEAT, c])
+            level = math.log(max(s[N_DIFF2, c], 1e-12))
+            if s[N_SEEN, c] == 0.0:
+                s[N_LOG_BASE, c] = level
+            s[N_LOG_BASE, c] += gain * (level - s[N_LOG_BASE, c])
+            s[N_SEEN, c] += 1.0
+        zero = zero and u[c] == 0.0
+    if not zero:
+        s[N_ZERO_S, 0] = t
+
+
+@kernel
+def odd_noise(noise: Array, imu: int, now: float) -> bool:
+    """Whether an IMU's noise, or a value that stands still, deserves a decision."""
+    s = noise[imu]
+    if s[N_SEEN, 0] < 50.0:
+        return False
+    odd = now - s[N_ZERO_S, 0] > ZERO_S
+    for c in range(6):
+        level = math.log(max(s[N_DIFF2, c], 1e-12)) - s[N_LOG_BASE, c]
+        odd = odd or level > 2.0 * LOG_NOISE or improbable_rest(noise, imu, c, now) > 1.0
+    return odd
+
+
+ZERO_S = 0.3
+LOG_NOISE = 1.5
+REST_NATS = 40.0
+REST_S = 1.0
+REST_SAMPLES = 10.0
+"""All six exactly zero for this long: no data. Rms above e^1.5 of its usual: worth a look. A value
+that has not moved although it used to, with odds of e^40, for a second and ten samples: stuck."""
+
+
+@kernel
+def improbable_rest(noise: Array, imu: int, axis: int, now: float) -> float:
+    """How improbable it is that a healthy value has not moved for so long; stuck above 1."""
+    s = noise[imu]
+    if now - s[N_SAME_S, axis] < REST_S or s[N_SAME, axis] < REST_SAMPLES:
+        return 0.0
+    return -s[N_SAME, axis] * math.log(min(max(s[N_REPEAT, axis], 1e-3), 1.0)) / REST_NATS

@@ -1,0 +1,131 @@
+"""The sentences in which the IMU watch gives its reasons."""
+
+from __future__ import annotations
+
+import math
+
+from links.vocabulary import GYRO_ACC_AXES, Kind
+
+__all__ = [
+    "axis_name",
+    "contradiction_sentence",
+    "disagreement_sentence",
+    "dropout_sentence",
+    "lone_sentence",
+    "noise_sentence",
+    "pair_sentence",
+    "shown",
+    "stuck_sentence",
+    "unit_of",
+    "vote_sentence",
+]
+
+_SHAPES = {
+    Kind.BIAS: "",
+    Kind.DRIFT: " and drifting",
+    Kind.OSCILLATION: " and oscillating",
+}
+
+
+def axis_name(imu: int, axis: int) -> str:
+    """Sensor name of an axis: ``axis_name(0, 5) == "imu0.gyro_z"``."""
+    return f"imu{imu}.{GYRO_ACC_AXES[axis]}"
+
+
+def unit_of(axis: int) -> str:
+    """Unit of an axis, as verdicts give it."""
+    return "m/s^2" if axis < 3 else "rad/s"
+
+
+def shown(axis: int, size: float) -> str:
+    """A fault's size in words a pilot reads: specific force in m/s^2, rates in deg/s."""
+    sense = "high" if size > 0 else "low"
+    if axis < 3:
+        return f"{abs(size):.2g} m/s^2 {sense}"
+    return f"{math.degrees(abs(size)):.2g} deg/s {sense}"
+
+
+def _reference(with_attitude: bool, baro: bool) -> str:
+    parts = ["GPS velocity"]
+    if baro:
+        parts.append("static pressure")
+    if with_attitude:
+        parts.append("attitude")
+    return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
+
+
+def pair_sentence(
+    imu: int,
+    other: int,
+    axis: int,
+    size: float,
+    kind: Kind,
+    since_s: float,
+    *,
+    attitude: bool,
+    baro: bool,
+) -> str:
+    """Two IMUs differ and the references side with one of them."""
+    return (
+        f"{_reference(attitude, baro)} agree with imu{other} and not with imu{imu}: "
+        f"{GYRO_ACC_AXES[axis]} {shown(axis, size)}{_SHAPES.get(kind, '')} since {since_s:.1f} s"
+    )
+
+
+def vote_sentence(imu: int, axis: int, size: float, kind: Kind, since_s: float) -> str:
+    """Most IMUs agree and one does not."""
+    return (
+        f"the other IMUs agree with each other and not with imu{imu}: {GYRO_ACC_AXES[axis]} "
+        f"{shown(axis, size)}{_SHAPES.get(kind, '')} since {since_s:.1f} s"
+    )
+
+
+def lone_sentence(
+    imu: int,
+    axis: int,
+    size: float,
+    since_s: float,
+    rival: int | None,
+    *,
+    attitude: bool,
+    baro: bool,
+) -> str:
+    """The only IMU contradicts the references."""
+    text = (
+        f"{_reference(attitude, baro)} contradict imu{imu}: {GYRO_ACC_AXES[axis]} "
+        f"{shown(axis, size)} since {since_s:.1f} s"
+    )
+    return text if rival is None else f"{text} (or its pair {GYRO_ACC_AXES[rival]})"
+
+
+def disagreement_sentence(imu: int, other: int, axis: int, size: float) -> str:
+    """Two IMUs differ and nothing tells which is wrong."""
+    return (
+        f"imu{imu} and imu{other} disagree by {shown(axis, abs(size)).rsplit(' ', 1)[0]} on "
+        f"{GYRO_ACC_AXES[axis]}; no reference tells which is wrong"
+    )
+
+
+def contradiction_sentence() -> str:
+    """The IMUs agree with each other and the references with none."""
+    return "the IMUs agree with each other and contradict the references"
+
+
+def stuck_sentence(imu: int, axis: int, value: float, held_s: float) -> str:
+    """A value that does not move any more."""
+    shown_value = f"{value:.2f} m/s^2" if axis < 3 else f"{math.degrees(value):.2f} deg/s"
+    return f"imu{imu} {GYRO_ACC_AXES[axis]} has stood at {shown_value} for {held_s:.1f} s"
+
+
+def dropout_sentence(imu: int, held_s: float) -> str:
+    """All six channels read exactly zero."""
+    return f"imu{imu} reads exactly zero on all axes for {held_s:.1f} s"
+
+
+def noise_sentence(imu: int, axis: int, ratio: float, other: int | None) -> str:
+    """One axis has become much noisier than its peers."""
+    peers = "its other axes" if other is None else f"imu{other}"
+    return (
+        f"imu{imu} {GYRO_ACC_AXES[axis]} has become {ratio:.0f} times noisier than {peers} say "
+        "is usual"
+    )
