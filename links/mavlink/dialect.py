@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["CRC_TABLE", "Dialect", "Message", "load_dialect"]
+__all__ = ["CRC_TABLE", "Dialect", "Message", "enum_word", "load_dialect"]
 
 _NUMPY_OF_WIRE = {
     "char": "S1",
@@ -163,3 +163,13 @@ def load_dialect(name: str = "ardupilotmega") -> Dialect:
         by_name={m.name: m for m in messages},
         crc_extra={m.id: m.crc_extra for m in messages},
     )
+
+
+def enum_word(enum: str, value: int) -> str:
+    """Name of an enum's value without the enum's own: ``("MAV_TYPE", 1)`` is ``"FIXED_WING"``.
+
+    A value that the common dialect does not have is given as its number.
+    """
+    module = importlib.import_module("pymavlink.dialects.v20.common")
+    entry = module.enums[enum].get(value)
+    return str(value) if entry is None else str(entry.name).removeprefix(f"{enum}_")

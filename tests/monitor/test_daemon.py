@@ -71,6 +71,9 @@ class FakeDecoder:
         self.seen += len(rows)
         return Batch({"airspeed0": rows} if len(rows) else {})
 
+    def finish(self):
+        return Batch()
+
 
 class FakePipeline:
     """Takes ``work_us`` per batch and says that airspeed0 is faulty at row 100."""
