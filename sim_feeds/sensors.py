@@ -221,8 +221,8 @@ class Aoa(Instrument):
         when = self.times(truth.t_s[-1], rng)
         bias = radians(self.bias_deg) * rng.standard_normal()
         t = when.valid_s
-        # Below a few m/s the flow does not turn the vane: it rests where it hangs.
-        flow = np.where(truth.tas_m_s > VANE_FLOW_M_S, truth.aoa_rad, 0.0)
+        # Without a flow from ahead the vane rests where it hangs.
+        flow = np.where(truth.air_frd_m_s[:, 0] > VANE_FLOW_M_S, truth.aoa_rad, 0.0)
         angle = np.interp(t, truth.t_s, lagged(flow, truth.dt_s, self.lag_s)) + bias
         angle += radians(self.noise_deg) * rng.standard_normal(len(t))
         angle = broken(faults, name, t, angle, rng)
