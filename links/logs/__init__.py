@@ -7,7 +7,7 @@ then ask ``reader.info``.
 from pathlib import Path
 
 from links.logs.tlog import LogError, LogInfo, TlogReader, TlogWriter, read_tlog
-from links.mavlink.decode import DecoderOptions
+from links.mavlink.options import DecoderOptions
 
 __all__ = ["LogError", "LogInfo", "TlogReader", "TlogWriter", "open_log", "read_tlog"]
 

@@ -16,8 +16,9 @@ from typing import IO, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from links.mavlink.decode import Decoder, DecoderOptions, Vehicle
+from links.mavlink.decode import Decoder
 from links.mavlink.framing import NO_STAMP
+from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch
 
 __all__ = ["CHUNK", "LogError", "LogInfo", "TlogReader", "TlogWriter", "read_tlog"]

@@ -10,8 +10,9 @@
     link.send(encoder.encode("STATUSTEXT", severity=4, text="airspeed0 FAULTY: 3.1 m/s low"))
 """
 
-from links.mavlink.decode import Counters, Decoder, DecoderOptions, Vehicle
+from links.mavlink.decode import Decoder
 from links.mavlink.encoder import OUTPUT_MESSAGES, Encoder, encode
+from links.mavlink.options import Counters, DecoderOptions, Vehicle
 
 __all__ = [
     "OUTPUT_MESSAGES",

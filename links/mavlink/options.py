@@ -1,0 +1,94 @@
+"""How a stream is read, whose it is, and what went through."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from links import catalog
+
+__all__ = ["Counters", "DecoderOptions", "Vehicle"]
+
+
+@dataclass(frozen=True, slots=True)
+class DecoderOptions:
+    """How a stream is read; the defaults suit ArduPilot and PX4.
+
+    Attributes
+    ----------
+    dialect
+        MAVLink dialect that pymavlink ships.
+    system_id
+        The vehicle; None takes the first that sends an autopilot's HEARTBEAT.
+    autopilot_component
+        Component that sensors are taken from and whose stamps make the clock.
+    own_component
+        What carries this component id of the vehicle's system is our own output, never an input.
+    components
+        Message -> component ids to take it from, where not the autopilot's alone.
+    ranking
+        Quantity -> source keys, best first; replaces the entries of ``catalog.RANKING``.
+    named_inputs
+        NAMED_VALUE_FLOAT name -> (sensor, field, factor to SI).
+    airspeed_ratio
+        ARSPD_RATIO until a PARAM_VALUE tells it.
+    source_timeout_us
+        Silence of a source after which the next in rank steps in [us].
+    settle_us
+        Time before a synthetic source (VFR_HUD.airspeed) is used [us].
+    hold_back
+        Bound of what is kept until the vehicle is known [frames].
+    """
+
+    dialect: str = "ardupilotmega"
+    system_id: int | None = None
+    autopilot_component: int = 1
+    own_component: int = 191
+    components: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    ranking: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    named_inputs: Mapping[str, tuple[str, str, float]] = field(
+        default_factory=lambda: dict(catalog.NAMED_INPUTS)
+    )
+    airspeed_ratio: float = 2.0
+    source_timeout_us: int = 2_000_000
+    settle_us: int = 2_000_000
+    hold_back: int = 8192
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """Who is watched: MAVLink system id, MAV_AUTOPILOT and MAV_TYPE numbers."""
+
+    system_id: int
+    autopilot: int
+    type: int
+
+
+@dataclass(slots=True)
+class Counters:
+    """What went through a decoder.
+
+    Attributes
+    ----------
+    bytes, bad_bytes
+        Bytes fed, and those that belonged to no frame.
+    messages
+        Checked frames of all systems.
+    by_name
+        Message name -> checked frames; an unknown message counts under ``"#<number>"``.
+    by_source
+        (system, component) -> checked frames.
+    lost
+        Frames missing from the sequence numbers of all senders (modulo 256, so at least).
+    reboots
+        Times the vehicle's clock began anew.
+    """
+
+    bytes: int = 0
+    bad_bytes: int = 0
+    messages: int = 0
+    lost: int = 0
+    reboots: int = 0
+    by_name: Counter[str] = field(default_factory=Counter)
+    by_source: Counter[tuple[int, int]] = field(default_factory=Counter)
