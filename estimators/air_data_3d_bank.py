@@ -17,7 +17,7 @@ thinned out so that their ages stay spaced logarithmically up to ``age_max_s``.
 L[g, h] is the log-likelihood of the measurements since the birth of g under h, less that under the
 master: a log Bayes factor, since the jump's variance makes a hypothesis pay for its freedom. The
 evidence against pitot i is what the best explanation with i has over the best one without it
-(the master's L is 0):  ``S_i = max(L[:, h with i]) - max(0, L[:, h without i])``.
+(the master's L is 0). Of several that convict, the one that blames fewest pitots counts.
 
 The explanation that wins becomes the master. It was cloned before the fault began, so whatever the
 fault did to the wind is undone with it.
@@ -50,7 +50,10 @@ __all__ = [
     "clear",
     "evidence",
     "new_bank",
+    "parsimony",
     "spawn",
+    "survey",
+    "wind_evidence",
 ]
 
 Array = NDArray[np.float64]
@@ -238,45 +241,59 @@ def bank_step(
 
 
 @kernel
-def evidence(bank: Bank, wind_max_m_s: float, S: Array, best: NDArray[np.int64]) -> None:
-    """Evidence against each pitot, and for a changed wind.
+def survey(bank: Bank, wind_max_m_s: float, top: Array, where: NDArray[np.int64]) -> None:
+    """Best generation of every explanation.
 
     Explanations whose horizontal wind is beyond the bound do not compete.
 
     Parameters
     ----------
-    S : (4,) float64 [nat]
-        Receives ``S_i`` of the three pitots, then that of the changed wind.
-    best : (2,) int64
-        Receives generation and mask of the best explanation; (-1, -1) when the master is best.
+    top : (8,) float64 [nat]
+        Receives ``max(L[:, h])``, -inf where none competes.
+    where : (8,) int64
+        Receives its generation, -1 where none competes.
     """
-    with_i = np.full(N_PITOTS, -np.inf)
-    without_i = np.zeros(N_PITOTS)
-    wind, not_wind, top = -np.inf, 0.0, 0.0
-    best[0], best[1] = -1, -1
+    top[:] = -np.inf
+    where[:] = -1
     for g in range(N_GENERATIONS):
         if np.isnan(bank.born[g]):
             continue
         for h in range(N_HYPOTHESES):
-            L = bank.L[g, h]
             x = bank.hx[g, h]
-            if L == -np.inf or x[0] ** 2 + x[1] ** 2 > wind_max_m_s**2:
-                continue
-            if L > top:
-                top = L
-                best[0], best[1] = g, h
-            if h == WIND_CHANGED:
-                wind = max(wind, L)
-            else:
-                not_wind = max(not_wind, L)
-            for i in range(N_PITOTS):
-                if (h >> i) & 1:
-                    with_i[i] = max(with_i[i], L)
-                else:
-                    without_i[i] = max(without_i[i], L)
-    for i in range(N_PITOTS):
-        S[i] = with_i[i] - without_i[i]
-    S[N_PITOTS] = wind - not_wind
+            if bank.L[g, h] > top[h] and x[0] ** 2 + x[1] ** 2 <= wind_max_m_s**2:
+                top[h], where[h] = bank.L[g, h], g
+
+
+@kernel
+def evidence(top: Array, mask: int) -> float:
+    """Evidence that every pitot of ``mask`` shifted [nat].
+
+    What the best explanation that holds all of them for shifted has over the best one, the master
+    included, that leaves any of them out.
+    """
+    having, lacking = -np.inf, 0.0
+    for h in range(N_HYPOTHESES):
+        if h & mask == mask:
+            having = max(having, top[h])
+        else:
+            lacking = max(lacking, top[h])
+    return having - lacking
+
+
+@kernel
+def wind_evidence(top: Array) -> float:
+    """Evidence that the wind changed, over every pitot's shift [nat]."""
+    return float(top[WIND_CHANGED] - max(0.0, top[1:].max()))
+
+
+@kernel
+def parsimony(top: Array, mask: int) -> float:
+    """What blaming more pitots than those of ``mask`` would gain at most [nat]."""
+    more = -np.inf
+    for h in range(N_HYPOTHESES):
+        if h != mask and h & mask == mask:
+            more = max(more, top[h])
+    return float(more - top[mask])
 
 
 @kernel

@@ -32,7 +32,18 @@ from numpy.typing import NDArray
 
 from estimators.air_checks import CHECK_BANK, CHECK_NONE
 from estimators.air_data_3d import N_PITOTS, SCALE
-from estimators.air_data_3d_bank import N_GENERATIONS, WIND_CHANGED, Bank, adopt, clear, evidence
+from estimators.air_data_3d_bank import (
+    N_GENERATIONS,
+    N_HYPOTHESES,
+    WIND_CHANGED,
+    Bank,
+    adopt,
+    clear,
+    evidence,
+    parsimony,
+    survey,
+    wind_evidence,
+)
 from estimators.jit import kernel
 
 Array = NDArray[np.float64]
@@ -232,10 +243,11 @@ def _accuse_by_bank(
     t: float,
     g: int,
     h: int,
-    S: Array,
-    margin: float,
+    top: Array,
+    active: int,
 ) -> None:
     """Explanation h of generation g has won: its pitots are faulty and it is the master now."""
+    margin = _margin(limits, h, active)
     agree = _agreeing(judge, limits, h)
     age = t - bank.born[g]
     for i in range(N_PITOTS):
@@ -245,26 +257,55 @@ def _accuse_by_bank(
             s = judge.sensor[i]
             s[S_EXPECT] = s[S_SHOWN] * math.exp(shift)
             drift = age > DRIFT_AGE_S and abs(early) < 0.5 * abs(shift)
-            _accuse(judge, log, t, i, h, agree, drift, CHECK_BANK, bank.born[g], S[i], margin)
+            _accuse(
+                judge,
+                log,
+                t,
+                i,
+                h,
+                agree,
+                drift,
+                CHECK_BANK,
+                bank.born[g],
+                evidence(top, 1 << i),
+                margin,
+            )
     adopt(bank, g, h)
 
 
 @kernel
-def _best_case(
-    judge: Judge, limits: JudgeLimits, bank: Bank, best: NDArray[np.int64], S: Array, active: int
-) -> float:
-    """Margin that the best explanation takes if every pitot it names exceeds it, else NaN."""
-    g, h = best[0], best[1]
-    if h <= 0:
-        return math.nan
-    margin = limits.margin_all if h == active else limits.margin_one
-    for i in range(N_PITOTS):
-        if (h >> i) & 1:
-            shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
-            learnt = judge.sensor[i, S_LEARNT] == LEARNT
-            if not (learnt and S[i] > margin and abs(shift) > limits.min_shift):
-                return math.nan
-    return margin
+def _margin(limits: JudgeLimits, mask: int, active: int) -> float:
+    """Evidence that a verdict on the pitots of ``mask`` takes."""
+    return limits.margin_all if mask == active else limits.margin_one
+
+
+@kernel
+def _convicted(
+    judge: Judge,
+    limits: JudgeLimits,
+    bank: Bank,
+    top: Array,
+    where: NDArray[np.int64],
+    active: int,
+) -> int:
+    """Smallest set of pitots whose evidence and shifts suffice for a verdict; 0 when none does."""
+    for size in range(1, N_PITOTS + 1):
+        for h in range(1, N_HYPOTHESES):
+            g = where[h]
+            bits = (h & 1) + ((h >> 1) & 1) + ((h >> 2) & 1)
+            if bits != size or g < 0 or (h & active) != h:
+                continue
+            margin = _margin(limits, h, active)
+            if not evidence(top, h) > margin or parsimony(top, h) > 0.5 * limits.margin_one:
+                continue
+            shifted = True
+            for i in range(N_PITOTS):
+                shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
+                if (h >> i) & 1 and not abs(shift) > limits.min_shift:
+                    shifted = False
+            if shifted:
+                return h
+    return 0
 
 
 @kernel
@@ -343,7 +384,7 @@ def unmonitor(judge: Judge, log: Array, t: float, known: int, reason: int) -> No
         if (known >> i) & 1 and judge.sensor[i, S_STATUS] != FAULTY:
             set_status(judge, log, t, i, UNMONITORED, reason, CHECK_NONE, np.nan, np.nan, np.nan)
         judge.sensor[i, S_AGREES_SINCE] = np.nan
-    judge.memory[J_HELD_MASK], judge.memory[J_HELD_SINCE] = 0.0, np.nan
+    judge.memory[J_HELD_MASK] = 0.0
     judge.memory[J_WIND_SINCE] = np.nan
 
 
@@ -360,44 +401,40 @@ def judge_epoch(
     n_std: float,
     quiet: int,
     long_enough: bool,
-    S: Array,
-    best: NDArray[np.int64],
+    top: Array,
+    where: NDArray[np.int64],
 ) -> bool:
     """Decide after an epoch; return whether the set of judged pitots has changed.
 
     Parameters
     ----------
     active, known : int
-        Bit masks: pitots that took part in the epoch, pitots that exist.
+        Bit masks: learnt pitots that took part in the epoch, pitots that exist.
     n_std : float [1]
         Standard deviation of ln n.
     quiet : int
-        Bit mask of pitots whose noise is no more than that of the others.
+        Bit mask of pitots that neither stand still nor scatter.
     long_enough : bool
         The aircraft has flown long enough to have learnt anything.
-    S : (4,) float64 and best : (2,) int64
+    top : (8,) float64 and where : (8,) int64
         Work space for the evidence.
     """
     memory = judge.memory
     changed = False
-    evidence(bank, limits.wind_max_m_s, S, best)
-    margin = _best_case(judge, limits, bank, best, S, active)
-    if math.isnan(margin) or best[1] != memory[J_HELD_MASK]:
-        memory[J_HELD_MASK], memory[J_HELD_SINCE] = 0.0, np.nan
-    if not math.isnan(margin):
-        if math.isnan(memory[J_HELD_SINCE]):
-            memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(best[1]), t
-        if t - memory[J_HELD_SINCE] >= limits.confirm_s:
-            _accuse_by_bank(judge, limits, bank, log, t, best[0], best[1], S, margin)
-            memory[J_HELD_MASK], memory[J_HELD_SINCE] = 0.0, np.nan
-            changed = True
-    wind_wins = best[1] == WIND_CHANGED and S[N_PITOTS] > limits.margin_wind
-    if not wind_wins:
+    survey(bank, limits.wind_max_m_s, top, where)
+    h = _convicted(judge, limits, bank, top, where, active)
+    if h == 0 or h != memory[J_HELD_MASK]:
+        memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(h), t
+    elif t - memory[J_HELD_SINCE] >= limits.confirm_s:
+        _accuse_by_bank(judge, limits, bank, log, t, where[h], h, top, active)
+        memory[J_HELD_MASK] = 0.0
+        changed = True
+    if not wind_evidence(top) > limits.margin_wind:
         memory[J_WIND_SINCE] = np.nan
     elif math.isnan(memory[J_WIND_SINCE]):
         memory[J_WIND_SINCE] = t
-    elif t - memory[J_WIND_SINCE] >= limits.confirm_s:
-        adopt(bank, best[0], best[1])
+    elif not changed and t - memory[J_WIND_SINCE] >= limits.confirm_s:
+        adopt(bank, where[WIND_CHANGED], WIND_CHANGED)
         memory[J_WIND_SINCE] = np.nan
     for i in range(N_PITOTS):
         if not (known >> i) & 1:
@@ -412,10 +449,9 @@ def judge_epoch(
         if s[S_LEARNT] == LEARNT:
             if s[S_STATUS] != SUSPECT:
                 set_status(judge, log, t, i, OK, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
-            h = best[1]
-            half = limits.margin_all if h == active else limits.margin_one
-            grounds = not changed and h > 0 and bool((h >> i) & 1) and S[i] > 0.5 * half
-            _watch_suspicion(judge, limits, log, t, i, grounds, S[i])
+            if not changed:
+                stat, half = evidence(top, 1 << i), 0.5 * _margin(limits, 1 << i, active)
+                _watch_suspicion(judge, limits, log, t, i, stat > half, stat)
         else:
             reason = LEARNING if s[S_LEARNT] == NEVER_LEARNT else WIND_NOT_OBSERVABLE
             set_status(judge, log, t, i, UNMONITORED, reason, CHECK_NONE, np.nan, np.nan, np.nan)

@@ -48,7 +48,7 @@ from estimators.air_checks import (
     pair_noise_rms,
 )
 from estimators.air_data_3d import GUST, N_PITOTS, SCALE, YAW, air_velocity
-from estimators.air_data_3d_bank import Bank, bank_step, clear, new_bank, spawn
+from estimators.air_data_3d_bank import N_HYPOTHESES, Bank, bank_step, clear, new_bank, spawn
 from estimators.air_data_3d_judge import (
     ABSENT,
     FAULTY,
@@ -357,12 +357,13 @@ def _epoch(
     out: Array,
     E: Array,
     work: Array,
-    best: NDArray[np.int64],
+    where: NDArray[np.int64],
 ) -> bool:
     """Use one GPS epoch whose attitude is known; True when an estimate was written."""
     memory, bank, judge, f = air.memory, air.bank, air.judge, par.levels
     t = epoch[0]
-    V, v_nav, y, e, S, q = work[0, :3], work[1, :3], work[2, :3], work[3, :3], work[4, :4], work[5]
+    V, v_nav, y, e = work[0, :3], work[1, :3], work[2, :3], work[3, :3]
+    top, q = work[4, :N_HYPOTHESES], work[5]
     has_nav = nav_at(air.rings, t, v_nav)
     for i in range(3):
         V[i] = epoch[1 + i]
@@ -435,8 +436,8 @@ def _epoch(
         memory[LN_N_STD],
         quiet,
         long_enough,
-        S,
-        best,
+        top,
+        where,
     ):
         clear(bank)
     elif learnt != 0 and t - memory[T_SPAWN] >= f.spawn_s:
@@ -537,7 +538,7 @@ def run(
     n_out = 0
     E = np.empty((3, 3))
     work = np.empty((6, 10))
-    best = np.empty(2, np.int64)
+    where = np.empty(N_HYPOTHESES, np.int64)
     for k in range(len(t)):
         now, what, i, v = t[k], code[k], index[k], value[k]
         if what == EV_ATTITUDE:
@@ -570,7 +571,7 @@ def run(
                 break
             if axes_at(air.rings, epoch[0], E):
                 memory[HEAD] += 1.0
-                if _epoch(air, par, epoch, log, estimates[n_out], E, work, best):
+                if _epoch(air, par, epoch, log, estimates[n_out], E, work, where):
                     n_out += 1
             elif now > epoch[0] + EPOCH_PATIENCE_S:
                 memory[HEAD] += 1.0
