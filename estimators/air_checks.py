@@ -6,7 +6,7 @@ symbol   meaning                                                              un
 c        calibrated airspeed shown                                            m/s
 p        what the pitot should show, of the bank's master; NaN while unknown  m/s
 V        speed over the ground                                                m/s
-z        c / p, noise is judged on it                                         1
+z        ln c: noise is judged on it, so that a wrong scale is not noise      1
 D2       z_k - 2 z_(k-1) + z_(k-2): of white noise s its variance is 6 s^2    1
 VAR      running mean of D2^2                                                 1
 PAIR     running mean of the square of the difference of two pitots' D2       1
@@ -59,6 +59,8 @@ T_LAST, Z1, Z2, D2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOIS
 PAIR0 = 12
 N_CHECK = 15
 
+Z_FLOOR_M_S = 1.0
+"""Less airspeed than this has no meaningful logarithm."""
 SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 
@@ -132,7 +134,7 @@ def check_sample(
     if c > 0.0:
         state[ALIVE] = 1.0
     dt = t - state[T_LAST]
-    z = c / p if p > 1.0 else np.nan
+    z = math.log(max(c, Z_FLOOR_M_S))
     state[D2] = z - 2.0 * state[Z1] + state[Z2] if 0.0 < dt < 0.5 else np.nan
     if not np.isnan(state[D2]):
         d2 = min(state[D2] * state[D2], 4.0)
