@@ -63,6 +63,7 @@ class Autopilot(Strict):
     velocity_std_m_s: float = Field(0.1, ge=0.0, description="Slow error of velocity, per axis.")
     rate_noise_deg_s: float = Field(0.1, ge=0.0, description="Noise of the body rates.")
     tilt_gain_hz: float = Field(0.1, gt=0.0, description="Pull toward the accelerometers [1/s].")
+    yaw_gain: float = Field(5.0, ge=0.0, description="Pull to the compass over pull to tilt.")
     bias_gain_hz2: float = Field(0.002, ge=0.0, description="Learning of the gyro bias [1/s^2].")
     velocity_tau_s: float = Field(0.5, gt=0.0, description="Time constant of the pull to GPS.")
 
@@ -138,7 +139,7 @@ class Autopilot(Strict):
                     0.0,
                 ]
             ) / max(scale, STILL_M2_S4)
-            turn[2] = R[0, 0] * ahead[k, 1] - R[1, 0] * ahead[k, 0]
+            turn[2] = self.yaw_gain * (R[0, 0] * ahead[k, 1] - R[1, 0] * ahead[k, 0])
             toward = R.T @ turn
             bias -= self.bias_gain_hz2 * h * toward
             rate = imu[k, 3:] - bias - R.T @ spin[k] + self.tilt_gain_hz * toward

@@ -208,8 +208,6 @@ def _inertial(flight: Flight) -> Iterator[Sending]:
             ]
             yield Sending(dialect.MAVLink_highres_imu_message, sent, columns)
             continue
-        if i >= len(classes):
-            raise ValueError("a fourth IMU has no message of its own: use messages.imu = 'highres'")
         whole = [
             *(_whole(x) for x in s.values[:, :3].T * (1000.0 / STANDARD_GRAVITY_M_S2)),
             *(_whole(x) for x in s.values[:, 3:].T * 1000.0),

@@ -242,7 +242,8 @@ def wan_experiment(
         turbulence.
     """
     if plan is None:
-        plan = FlightPlan(AIRFRAMES["transport"], speed_m_s=190.0, height_m=1500.0)
+        fast = replace(AIRFRAMES["transport"], cruise_m_s=170.0)
+        plan = FlightPlan(fast, speed_m_s=190.0, height_m=1500.0)
         plan.level(4.0).load_doublet(0.3).level(4.0).change_speed(180.0)
     plan.level(max(duration_s - plan.time_s, 0.0) + 1.0)
     if wind is None:
@@ -359,7 +360,7 @@ def wan2016_experiment(case: int, seed: int = 0, start_s: float = 20.0) -> Longi
         case "vertical speed":
             plan.climb_at(-0.03 * tas, 45.0)
         case _:
-            plan.change_speed(0.85 * tas)
+            plan.change_speed(0.75 * tas)
     aoa_size, cas_size = _WAN2016_SIZES[c.kind]
     faults = []
     for prefix, indices, size in (("aoa", c.aoa, aoa_size), ("airspeed", c.airspeed, cas_size)):

@@ -20,13 +20,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim_feeds.faults import Fault, FaultKind
 from sim_feeds.messages import UNIX_START_S, Sending, sendings
 from sim_feeds.scenario import Flight, Scenario
 
-__all__ = ["frames", "frames_of", "play", "save_truth", "truth_table", "unix_us"]
+__all__ = ["frames", "frames_of", "play", "save_truth", "truth", "truth_table", "unix_us"]
 
 Frame = tuple[int, bytes]
 TRUTH_HZ: Final = 50.0
@@ -160,13 +161,18 @@ def _fault_entry(flight: Flight, fault: Fault) -> dict[str, Any]:
     }
 
 
+def truth(flight: Flight, rate_hz: float = TRUTH_HZ) -> dict[str, NDArray[Any]]:
+    """Truth arrays by name (the fields of :class:`~sim_feeds.trajectory.Truth`) and ``t_us``."""
+    thin = flight.truth.every(max(1, round(1.0 / (rate_hz * flight.truth.dt_s))))
+    t_us = np.rint((thin.t_s + flight.scenario.start.boot_s) * 1e6).astype(np.int64)
+    return {"t_us": t_us, **{f.name: getattr(thin, f.name) for f in fields(thin)}}
+
+
 def save_truth(flight: Flight, folder: Path, stem: str = "truth") -> tuple[Path, Path]:
     """Write ``<stem>.json`` (flight and faults) and ``<stem>.npz`` (truth arrays, 50 Hz)."""
     folder.mkdir(parents=True, exist_ok=True)
     table, arrays = folder / f"{stem}.json", folder / f"{stem}.npz"
     table.write_text(json.dumps(truth_table(flight), indent=1) + "\n", encoding="utf-8")
-    thin = flight.truth.every(max(1, round(1.0 / (TRUTH_HZ * flight.truth.dt_s))))
-    columns = {f.name: getattr(thin, f.name) for f in fields(thin)}
-    t_us = np.rint((thin.t_s + flight.scenario.start.boot_s) * 1e6).astype(np.int64)
-    np.savez_compressed(arrays, t_us=t_us, **columns)
+    columns: dict[str, Any] = truth(flight)
+    np.savez_compressed(arrays, **columns)
     return table, arrays

@@ -124,6 +124,13 @@ class FaultEntry(Strict):
             raise ValueError(f"{self.sensor} as a whole can only drop out; name one of its axes")
         if self.kind in PLUMBING and quantity != "airspeed":
             raise ValueError(f"{self.kind} is a fault of an airspeed sensor's tubes")
+        fitting = _UNITS.get(quantity, {})
+        for key in sorted(self.model_fields_set):
+            unit = re.fullmatch(r"(?:size|limit)_(\w+)|rate_(\w+)_per_s", key)
+            if unit and (unit[1] or unit[2]) not in fitting:
+                raise ValueError(
+                    f"{key} does not fit {self.sensor}: its units are {_listed(fitting)}"
+                )
         need = _NEEDS.get(self.kind)
         if need in ("fraction", "fraction_per_s") and getattr(self, need) is None:
             raise ValueError(f"{self.kind} needs {need}")
@@ -198,7 +205,7 @@ class Scenario(Strict):
     seed: int = Field(0, ge=0, description="Used unless the caller gives another.")
     truth_hz: float = Field(200.0, ge=50.0, le=1000.0, description="Grid of the truth.")
     start: Start = Start()
-    leg: tuple[Leg, ...] = Field(min_length=1)
+    leg: tuple[Leg, ...]
     wind: tuple[WindPart, ...] = ()
     imu: Imu = Imu()
     airspeed: Airspeed = Airspeed()
@@ -211,6 +218,10 @@ class Scenario(Strict):
 
     @model_validator(mode="after")
     def _instruments_exist(self) -> Scenario:
+        if not self.leg:
+            raise ValueError("a flight needs at least one leg")
+        if self.messages.imu == "raw" and self.imu.count > 3:
+            raise ValueError("a fourth IMU needs messages.imu = 'highres'")
         for f in self.fault:
             base = f.sensor.split(".")[0]
             count = getattr(self, base[:-1]).count
@@ -280,6 +291,10 @@ class Flight:
     faults: list[Fault]
     readings: dict[str, Series]
     navigation: Navigation
+
+
+def _listed(units: dict[str, float]) -> str:
+    return ", ".join(units) or "none"
 
 
 def bundled() -> list[str]:
