@@ -17,6 +17,7 @@ from estimators.jit import kernel
 
 __all__ = [
     "add_congruence_diagonal",
+    "backward",
     "cholesky",
     "congruence",
     "copy",
@@ -27,7 +28,6 @@ __all__ = [
     "matmul",
     "matmul_symmetric",
     "matvec",
-    "solve_from_right",
 ]
 
 Array = NDArray[np.float64]
@@ -180,49 +180,50 @@ def forward_vector(L: Array, b: Array) -> None:
 
 
 @kernel
-def solve_from_right(L: Array, B: Array) -> None:
-    """B <- B M^-1 for symmetric M with the factor of :func:`cholesky`."""
-    for r in range(6):
-        for i in range(6):
-            s = B[r, i]
-            for k in range(i):
-                s -= L[i, k] * B[r, k]
-            B[r, i] = s * L[i, i]
-        for i in range(5, -1, -1):
-            s = B[r, i]
-            for k in range(i + 1, 6):
-                s -= L[k, i] * B[r, k]
-            B[r, i] = s * L[i, i]
+def backward(L: Array, B: Array) -> None:
+    """B <- Lo'^-1 B, column by column; after :func:`forward` the solution of M X = B."""
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            c = L[k, i]
+            for j in range(6):
+                B[i, j] -= c * B[k, j]
+        inverse = L[i, i]
+        for j in range(6):
+            B[i, j] *= inverse
 
 
 @kernel
-def invert(A: Array, work: Array, out: Array) -> bool:
-    """Inverse of a general matrix by Gauss-Jordan, partial pivoting; False when singular."""
-    for i in range(6):
-        for j in range(6):
-            work[i, j] = A[i, j]
-            out[i, j] = 0.0
-        out[i, i] = 1.0
+def invert(A: Array) -> bool:
+    """A <- A^-1 of a general matrix, in place (Gauss-Jordan, partial pivoting).
+
+    Returns False when the matrix is singular or not finite; A is then garbage.
+    """
+    pivots = (0, 0, 0, 0, 0, 0)
     for c in range(6):
-        pivot = c
+        p = c
         for i in range(c + 1, 6):
-            if abs(work[i, c]) > abs(work[pivot, c]):
-                pivot = i
-        value = work[pivot, c]
+            if abs(A[i, c]) > abs(A[p, c]):
+                p = i
+        value = A[p, c]
         if not (0.0 < abs(value) < math.inf):
             return False
-        if pivot != c:
+        if p != c:
             for j in range(6):
-                work[c, j], work[pivot, j] = work[pivot, j], work[c, j]
-                out[c, j], out[pivot, j] = out[pivot, j], out[c, j]
+                A[c, j], A[p, j] = A[p, j], A[c, j]
+        pivots = (pivots[1], pivots[2], pivots[3], pivots[4], pivots[5], p)
         inverse = 1.0 / value
+        A[c, c] = 1.0
         for j in range(6):
-            work[c, j] *= inverse
-            out[c, j] *= inverse
+            A[c, j] *= inverse
         for i in range(6):
-            factor = work[i, c]
-            if i != c and factor != 0.0:
+            if i != c:
+                factor = A[i, c]
+                A[i, c] = 0.0
                 for j in range(6):
-                    work[i, j] -= factor * work[c, j]
-                    out[i, j] -= factor * out[c, j]
+                    A[i, j] -= factor * A[c, j]
+    for c in range(5, -1, -1):
+        p = pivots[c]
+        if p != c:
+            for i in range(6):
+                A[i, c], A[i, p] = A[i, p], A[i, c]
     return True

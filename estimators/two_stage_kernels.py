@@ -54,6 +54,7 @@ from estimators.kinematics import (
 )
 from estimators.linalg import (
     add_congruence_diagonal,
+    backward,
     cholesky,
     congruence,
     copy,
@@ -64,7 +65,6 @@ from estimators.linalg import (
     matmul,
     matmul_symmetric,
     matvec,
-    solve_from_right,
 )
 
 __all__ = [
@@ -207,7 +207,7 @@ def discretise(
 
     ``psi = int_0^dt exp(F t) dt`` by Horner's rule, then Phi = I + F psi and Gamma = psi G: the
     blocks of ``exp([[F, G], [0, 0]] dt)``. As many terms are taken as leave a remainder below
-    1e-17, at most twelve; the bound is the norm of F with velocities counted in 100 m/s, because
+    1e-16, at most twelve; the bound is the norm of F with velocities counted in 100 m/s, because
     gravity couples angles into velocity strongly and nothing couples back.
 
     Source: lu2016 eq. (33), (34).
@@ -226,7 +226,7 @@ def discretise(
         norm = max(norm, row * dt)
     terms = 1
     remainder = 0.5 * norm
-    while remainder > 1e-17 and terms < SERIES_TERMS:
+    while remainder > 1e-16 and terms < SERIES_TERMS:
         terms += 1
         remainder *= norm / (terms + 1)
     scale = dt / terms
@@ -354,12 +354,13 @@ def predict(s: Row, t: Row, um: Array, earth: Earth, dt: float) -> int:
         for j in range(6):
             Ubar[i, j] += Gamma[i, j]  # (47)
             B[i, j] = Ubar[i, j] * q[j]
-            A[i, j] = B[i, j]
-    solve_from_right(s.L, A)
+            A[j, i] = B[i, j]
+    forward(s.L, A)
+    backward(s.L, A)
     per_sample = t.dt_s / dt
     for i in range(6):
         for j in range(6):
-            V[i, j] = Ubar[i, j] - A[i, j]  # (49): U_k
+            V[i, j] = Ubar[i, j] - A[j, i]  # (49): U_k
             GQG[i, j] = 0.0
         q[i] = t.Q[i] * per_sample
     add_congruence_diagonal(Gamma, q, GQG)
@@ -404,7 +405,7 @@ def innovation(model: int, y: Array, x: Array, mask: Array, out: Array) -> None:
 
 @kernel
 def gain(s: Row, t: Row, whole: bool) -> bool:
-    """H at eta, H P, M = H P H' + R and K; rows that were not measured drop out.
+    """H at eta, M = H P H' + R and K = (M^-1 H P)'; rows that were not measured drop out.
 
     They drop out as rows of zeros in H and a one on M's diagonal: their columns of K are zero.
 
@@ -413,7 +414,7 @@ def gain(s: Row, t: Row, whole: bool) -> bool:
     H, HP, M, K = s.H, s.HP, s.M, s.K
     if whole:
         copy(s.P, M)
-        copy(s.P, K)
+        copy(s.P, HP)
     else:
         output_jacobian(t.model, s.eta, H)
         for i in range(6):
@@ -421,14 +422,15 @@ def gain(s: Row, t: Row, whole: bool) -> bool:
                 H[i, j] *= s.mask[i]
         matmul(H, s.P, HP)
         matmul_symmetric(HP, H, M)
-        for i in range(6):
-            for j in range(6):
-                K[i, j] = HP[j, i]
     for i in range(6):
         M[i, i] += s.r[i]
     if not cholesky(M, s.L):
         return False
-    solve_from_right(s.L, K)
+    forward(s.L, HP)
+    backward(s.L, HP)
+    for i in range(6):
+        for j in range(6):
+            K[i, j] = HP[j, i]
     return True
 
 
@@ -632,13 +634,13 @@ def match(s: Row, t: Row, b: int, lo: int, hi: int) -> None:
         s.head[block] = head + 1 if head + 1 < t.N else 0
         s.filled[block] = filled
         s.Qf_interval_s[block] = dt_T
-    if not invert(HG, s.B, s.C):
+    if not invert(HG):
         return
     factor = t.detuning if t.detuning > 0.0 else dt_T * dt_T
     for i in range(lo, hi):
         q = 0.0
         for j in range(lo, hi):
-            q += s.C[i, j] * s.C[i, j] * spread[j]
+            q += HG[i, j] * HG[i, j] * spread[j]  # HG is inverted now
         s.Qf[i] = max(q * factor, t.Qf_floor)  # (57)
 
 
@@ -657,13 +659,13 @@ def restart(s: Row, t: Row, y: Array) -> int:
     if not (s.seen[0] == 1 and s.seen[1] == 1 and fresh and moderate):
         return int(s.state)
     output_jacobian(t.model, s.x, s.H)
-    if not invert(s.H, s.A, s.B):
+    if not invert(s.H):
         return int(s.state)
     for i in range(6):
         for j in range(6):
             s.P[i, j] = 0.0
             s.V[i, j] = 0.0  # the measured state owes nothing to the faults
-    add_congruence_diagonal(s.B, t.R, s.P)
+    add_congruence_diagonal(s.H, t.R, s.P)
     for i in range(6):
         s.xbar[i] = s.x[i]
         bound = RESTART_ACC_M_S2 if i < 3 else RESTART_RATE_RAD_S
