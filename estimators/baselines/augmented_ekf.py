@@ -2,8 +2,9 @@
 
 z = [x, f]: the state is carried by the kinematic model with the input freed of f, the faults walk.
 The two-stage filter of lu2016 is algebraically this filter; the tests hold the two together to
-1e-12, and ``mavsentry bench`` compares their speed. Phi, Gamma and the propagation are those of the
-compiled filter, so that only the filters differ.
+1e-12, and ``mavsentry bench`` compares their speed. Model, Phi, Gamma and propagation are those of
+the numpy twin, as a user of filterpy would write them, or the compiled ones, so that only the
+filters differ.
 
 filterpy is imported when a filter is made: nothing that runs in flight needs it.
 """
@@ -15,7 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.kinematics import ANGLES, earth_terms, linearise, output, output_jacobian
+from estimators import kinematics
+from estimators.baselines import numpy_twins_imu as twins
+from estimators.kinematics import ANGLES, Earth
 from estimators.two_stage_ekf import Settings
 from estimators.two_stage_kernels import discretise, runge_kutta
 
@@ -37,6 +40,8 @@ class AugmentedEKF:
         Initial state.
     P : (6, 6) float64
         Its covariance.
+    compiled
+        Take the model from the compiled kernels, not from the numpy twin.
 
     Raises
     ------
@@ -44,10 +49,11 @@ class AugmentedEKF:
         When filterpy is not installed (extra ``compare``).
     """
 
-    def __init__(self, settings: Settings, x: Array, P: Array) -> None:
+    def __init__(self, settings: Settings, x: Array, P: Array, *, compiled: bool = False) -> None:
         from filterpy.kalman import ExtendedKalmanFilter
 
         self.settings = settings
+        self.compiled = compiled
         tuning = settings.tuning()[0]
         self._Q: Array = tuning["Q"]
         self._Qf: Array = np.diag(settings.fault_walk_var)
@@ -82,19 +88,14 @@ class AugmentedEKF:
 
     def predict(self, um: Array, latitude_rad: float, altitude_m: float, dt_s: float) -> None:
         """Carry state and faults over one held input."""
-        ekf, settings = self.ekf, self.settings
+        ekf = self.ekf
         x, u = np.array(ekf.x[STATE]), um - ekf.x[FAULT]
-        earth = earth_terms(float(latitude_rad), float(altitude_m))
-        F, G, Phi, Gamma, psi, tmp = self._scratch
-        linearise(settings.model, x, u, earth, F, G)
-        discretise(F, G, dt_s, Phi, Gamma, psi, tmp)
+        Phi, Gamma, moved = self._step(x, u, (latitude_rad, altitude_m), dt_s)
         ekf.F = np.eye(12)
         ekf.F[STATE, STATE], ekf.F[STATE, FAULT] = Phi, Gamma
         ekf.Q = np.zeros((12, 12))
         ekf.Q[STATE, STATE] = Gamma @ np.diag(self._Q) @ Gamma.T
         ekf.Q[FAULT, FAULT] = self._Qf
-        moved = np.empty(6)
-        runge_kutta(settings.model, x, u, earth, dt_s, self._k, moved)
         moved_z = np.concatenate([moved, ekf.x[FAULT]])
         ekf.predict()
         ekf.x = moved_z
@@ -103,17 +104,30 @@ class AugmentedEKF:
         """Use a complete measurement."""
         self.ekf.update(y, self._jacobian, self._output, residual=_residual)
 
+    def _step(
+        self, x: Array, u: Array, place: tuple[float, float], dt_s: float
+    ) -> tuple[Array, Array, Array]:
+        """Phi, Gamma and the propagated state."""
+        model = self.settings.model
+        if not self.compiled:
+            earth = twins.earth_terms(*place)
+            Phi, Gamma = twins.discretise(*twins.linearise(model, x, u, earth), dt_s)
+            return Phi, Gamma, twins.rk4(model, x, u, earth, dt_s)
+        compiled_earth: Earth = kinematics.earth_terms(float(place[0]), float(place[1]))
+        F, G, Phi, Gamma, psi, tmp = self._scratch
+        kinematics.linearise(model, x, u, compiled_earth, F, G)
+        discretise(F, G, dt_s, Phi, Gamma, psi, tmp)
+        moved = np.empty(6)
+        runge_kutta(model, x, u, compiled_earth, dt_s, self._k, moved)
+        return Phi, Gamma, moved
+
     def _jacobian(self, z: Array) -> Array:
         H = np.zeros((6, 12))
-        jacobian = np.empty((6, 6))
-        output_jacobian(self.settings.model, np.ascontiguousarray(z[STATE]), jacobian)
-        H[:, STATE] = jacobian
+        H[:, STATE] = twins.output_jacobian(self.settings.model, z[STATE])
         return H
 
     def _output(self, z: Array) -> Array:
-        y = np.empty(6)
-        output(self.settings.model, np.ascontiguousarray(z[STATE]), y)
-        return y
+        return twins.output(self.settings.model, z[STATE])
 
 
 def _residual(y: Array, h: Array) -> Array:

@@ -71,7 +71,7 @@ def test_two_stages_are_the_augmented_filter_of_filterpy(flight: dict[str, np.nd
     from estimators.baselines.augmented_ekf import AugmentedEKF
 
     ours = made(flight, "exact", "fixed")
-    theirs = AugmentedEKF(ours.settings, flight["x0"], flight["P0"])
+    theirs = AugmentedEKF(ours.settings, flight["x0"], flight["P0"], compiled=True)
     for k in range(300):
         for one in (ours, theirs):
             one.predict(flight["um"][k], *flight["env"][k], float(flight["dt"]))

@@ -148,7 +148,7 @@ def test_between_measurements_it_is_still_the_augmented_filter(broken: ImuExperi
     fixed = Settings(adapt=False)
     P = np.diag(fixed.tuning()["R"][0])
     ours = TwoStageFilter(fixed, broken.x_ground[0], P)
-    theirs = AugmentedEKF(fixed, broken.x_ground[0], P)
+    theirs = AugmentedEKF(fixed, broken.x_ground[0], P, compiled=True)
     for k in range(1500):
         for one in (ours, theirs):
             one.predict(broken.u_m[k], *broken.env[k], 0.01)
