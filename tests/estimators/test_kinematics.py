@@ -8,6 +8,7 @@ import pytest
 from estimators import kinematics as km
 from estimators.atmosphere import EARTH_RATE_RAD_S
 from estimators.attitude import ned_from_frd, skew
+from estimators.baselines import numpy_twins_imu as twins
 
 TOLERANCE = 1e-10  # both sides are closed forms in float64; the Jacobians are complex-step
 
@@ -44,6 +45,26 @@ def test_airspeed_outputs_and_their_jacobian(points: dict[str, np.ndarray]) -> N
         assert np.abs(y - points["as_h"][i]).max() < TOLERANCE
         assert np.abs(H - points["as_H"][i]).max() < TOLERANCE
         assert np.abs(back - x).max() < TOLERANCE
+
+
+def test_kernels_and_numpy_twins_agree(points: dict[str, np.ndarray]) -> None:
+    dx, y = np.empty(6), np.empty(6)
+    F, G, H = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
+    for model, states in ((km.GS, "X"), (km.AS, "XA")):
+        for x, um, fault, env in zip(
+            points[states], points["U"], points["F"], points["env"], strict=True
+        ):
+            earth, u = km.earth_terms(*env), um - fault
+            assert np.allclose(earth, twins.earth_terms(*env), rtol=1e-15)
+            km.rates(model, x, u, earth, dx)
+            km.linearise(model, x, u, earth, F, G)
+            km.output(model, x, y)
+            km.output_jacobian(model, x, H)
+            assert np.abs(dx - twins.rates(model, x, u, earth)).max() < 1e-13
+            for ours, theirs in zip((F, G), twins.linearise(model, x, u, earth), strict=True):
+                assert np.abs(ours - theirs).max() < 1e-13
+            assert np.abs(y - twins.output(model, x)).max() < 1e-13
+            assert np.abs(H - twins.output_jacobian(model, x)).max() < 1e-15
 
 
 def test_ground_speed_outputs_are_the_state(points: dict[str, np.ndarray]) -> None:
