@@ -148,21 +148,25 @@ def kkt_step(
             Ai = A[i - 1]
             Bi = B[i - 1]
             Pp = Pf[i - 1]
+            # (transition matrices are near the identity: zeros are passed over)
             for a in range(n):
                 acc = f[i - 1, a] - x[i, a]
                 for b in range(n):
-                    acc += Ai[a, b] * (xf[i - 1, b] + x[i - 1, b])
-                    t = 0.0
-                    for c in range(n):
-                        t += Ai[a, c] * Pp[c, b]
-                    T[a, b] = t
+                    T[a, b] = 0.0
+                    Pi[a, b] = 0.0
+                for c in range(n):
+                    t = Ai[a, c]
+                    if t != 0.0:
+                        acc += t * (xf[i - 1, c] + x[i - 1, c])
+                        for b in range(n):
+                            T[a, b] += t * Pp[c, b]
                 xh[a] = acc
-            for a in range(n):
-                for b in range(a, n):
-                    t = 0.0
-                    for c in range(n):
-                        t += T[a, c] * Ai[b, c]
-                    Pi[a, b] = t
+            for b in range(n):
+                for c in range(n):
+                    t = Ai[b, c]
+                    if t != 0.0:
+                        for a in range(b + 1):
+                            Pi[a, b] += T[a, c] * t
             for c in range(p):
                 q = Q[c] / (1.0 + Q[c] * Du[i - 1, c])
                 r = q * ((ru[i - 1, c] - u[i - 1, c]) / Q[c] - gu[i - 1, c])
@@ -510,9 +514,10 @@ def converged_qp(
     at = work.size - 8 * (N * n + N * p)
     block = work[at:]
     vx = block[: 5 * N * n].reshape(5, N, n)
-    vu = block[5 * N * n : 5 * (N * n + N * p)].reshape(5, N, p)[:, : N - 1]
+    vu = block[5 * N * n : 5 * (N * n + N * p)].reshape(5, N, p)
     gx, Dx, dx, zxl, zxu = vx[0], vx[1], vx[2], vx[3], vx[4]
-    gu, Du, du, zul, zuu = vu[0], vu[1], vu[2], vu[3], vu[4]
+    M = N - 1
+    gu, Du, du, zul, zuu = vu[0, :M], vu[1, :M], vu[2, :M], vu[3, :M], vu[4, :M]
     kappa = 1.0
     _pd_start(x, xl, xu, zxl, zxu, kappa)
     _pd_start(u, ul, uu, zul, zuu, kappa)
