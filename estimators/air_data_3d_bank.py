@@ -114,6 +114,15 @@ def new_bank() -> Bank:
 
 
 @kernel
+def _copy(x: Array, P: Array, to_x: Array, to_P: Array) -> None:
+    """Copy a filter, element by element (slices compile ten times longer)."""
+    for i in range(NX):
+        to_x[i] = x[i]
+        for j in range(NX):
+            to_P[i, j] = P[i, j]
+
+
+@kernel
 def clear(bank: Bank) -> None:
     """Drop every generation."""
     bank.born[:] = np.nan
@@ -176,15 +185,14 @@ def spawn(
             bank.L[g, h] = -np.inf
             continue
         bank.L[g, h] = 0.0
-        bank.hx[g, h] = bank.x
-        bank.hP[g, h] = bank.P
-        bank.early[g, h] = bank.x[SCALE]
         P = bank.hP[g, h]
+        _copy(bank.x, bank.P, bank.hx[g, h], P)
         if h == WIND_CHANGED:
             P[0, 0] += jump_wind_m_s**2
             P[1, 1] += jump_wind_m_s**2
             P[2, 2] += (0.1 * jump_wind_m_s) ** 2
         for i in range(N_PITOTS):
+            bank.early[g, h, i] = bank.x[_SCALE0 + i]
             if (h >> i) & 1:
                 P[_SCALE0 + i, _SCALE0 + i] += jump_scale**2
 
@@ -237,7 +245,8 @@ def bank_step(
             L += pitot_update(x, P, V, y, use, ln_sigma, R_common, R_own, gate)
             bank.L[g, h] += L - null
             if t - bank.born[g] <= EARLY_S:
-                bank.early[g, h] = x[SCALE]
+                for i in range(N_PITOTS):
+                    bank.early[g, h, i] = x[_SCALE0 + i]
 
 
 @kernel
@@ -283,7 +292,10 @@ def evidence(top: Array, mask: int) -> float:
 @kernel
 def wind_evidence(top: Array) -> float:
     """Evidence that the wind changed, over every pitot's shift [nat]."""
-    return float(top[WIND_CHANGED] - max(0.0, top[1:].max()))
+    best = 0.0
+    for h in range(1, N_HYPOTHESES):
+        best = max(best, top[h])
+    return float(top[WIND_CHANGED] - best)
 
 
 @kernel
@@ -304,15 +316,19 @@ def adopt(bank: Bank, g: int, h: int) -> None:
     starts. A shifted pitot ends the competition: its k returns to what it was before the shift, for
     the day it recovers, and every generation is dropped.
     """
-    bank.x[:] = bank.hx[g, h]
-    bank.P[:] = bank.hP[g, h]
+    _copy(bank.hx[g, h], bank.hP[g, h], bank.x, bank.P)
     if h == WIND_CHANGED:
-        bank.L[:] -= bank.L[g, h]
+        lead = bank.L[g, h]
+        for i in range(N_GENERATIONS):
+            for j in range(N_HYPOTHESES):
+                bank.L[i, j] -= lead
         return
     for i in range(N_PITOTS):
         if (h >> i) & 1:
-            bank.x[_SCALE0 + i] = bank.ref[g, i]
-            bank.P[_SCALE0 + i, :] = 0.0
-            bank.P[:, _SCALE0 + i] = 0.0
-            bank.P[_SCALE0 + i, _SCALE0 + i] = bank.ref_var[g, i]
+            k = _SCALE0 + i
+            for j in range(NX):
+                bank.P[k, j] = 0.0
+                bank.P[j, k] = 0.0
+            bank.x[k] = bank.ref[g, i]
+            bank.P[k, k] = bank.ref_var[g, i]
     clear(bank)

@@ -49,10 +49,11 @@ from estimators.jit import kernel
 Array = NDArray[np.float64]
 _SCALE0 = SCALE.start
 
-UNKNOWN, UNMONITORED, OK, SUSPECT, FAULTY, ABSENT = range(6)
-NO_REASON, ON_GROUND, LEARNING, WIND_NOT_OBSERVABLE, REFERENCE_MISSING, REFERENCE_NOT_TRUSTED = (
-    range(6)
-)
+# Codes are floats: they live in float arrays, and every integer constant passed to a kernel would
+# compile it anew.
+UNKNOWN, UNMONITORED, OK, SUSPECT, FAULTY, ABSENT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
+NO_REASON, ON_GROUND, LEARNING = 0.0, 1.0, 2.0
+WIND_NOT_OBSERVABLE, REFERENCE_MISSING, REFERENCE_NOT_TRUSTED = 3.0, 4.0, 5.0
 
 # Columns of the log.
 (
@@ -144,9 +145,9 @@ def set_status(
     log: Array,
     t: float,
     i: int,
-    status: int,
-    reason: int,
-    check: int,
+    status: float,
+    reason: float,
+    check: float,
     onset: float,
     stat: float,
     limit: float,
@@ -172,7 +173,7 @@ def set_status(
 @kernel
 def _agreeing(judge: Judge, limits: JudgeLimits, but: int) -> int:
     """Bit mask of the judged pitots outside ``but`` that show what the filters expect."""
-    mask = 0
+    mask = np.int64(0)
     for i in range(N_PITOTS):
         s = judge.sensor[i]
         judged = s[S_STATUS] == OK or s[S_STATUS] == SUSPECT
@@ -189,8 +190,8 @@ def _accuse(
     i: int,
     together: int,
     agree: int,
-    drift: bool,
-    check: int,
+    drift: float,
+    check: float,
     onset: float,
     stat: float,
     limit: float,
@@ -200,7 +201,7 @@ def _accuse(
     row = set_status(judge, log, t, i, FAULTY, NO_REASON, check, onset, stat, limit)
     if row >= 0:
         log[row, G_AGREE], log[row, G_TOGETHER] = agree, together
-        log[row, G_DRIFT] = 1.0 if drift else 0.0
+        log[row, G_DRIFT] = drift
     s[S_CHECK] = check
     s[S_MEAN_RESIDUAL] = s[S_RESIDUAL] if not np.isnan(s[S_RESIDUAL]) else 1.0
     s[S_AGREES_SINCE], s[S_SUSPECT_SINCE] = np.nan, np.nan
@@ -214,7 +215,7 @@ def accuse_by_check(
     log: Array,
     t: float,
     i: int,
-    check: int,
+    check: float,
     onset: float,
     stat: float,
     limit: float,
@@ -223,7 +224,7 @@ def accuse_by_check(
 
     The best explanation that began before the onset and lets pitot i alone shift becomes master.
     """
-    best_g, top = -1, -np.inf
+    best_g, top = np.int64(-1), -np.inf
     for g in range(N_GENERATIONS):
         if bank.born[g] <= onset and bank.L[g, 1 << i] > top:
             best_g, top = g, bank.L[g, 1 << i]
@@ -231,7 +232,7 @@ def accuse_by_check(
         adopt(bank, best_g, 1 << i)
     clear(bank)
     agree = _agreeing(judge, limits, 1 << i)
-    _accuse(judge, log, t, i, 1 << i, agree, False, check, onset, stat, limit)
+    _accuse(judge, log, t, i, 1 << i, agree, 0.0, check, onset, stat, limit)
 
 
 @kernel
@@ -256,7 +257,7 @@ def _accuse_by_bank(
             early = bank.early[g, h, i] - bank.ref[g, i]
             s = judge.sensor[i]
             s[S_EXPECT] = s[S_SHOWN] * math.exp(shift)
-            drift = age > DRIFT_AGE_S and abs(early) < 0.5 * abs(shift)
+            drift = 1.0 if age > DRIFT_AGE_S and abs(early) < 0.5 * abs(shift) else 0.0
             _accuse(
                 judge,
                 log,
@@ -351,9 +352,7 @@ def _recover(
     s[S_AGREES_SINCE] = np.nan
     status = OK if s[S_LEARNT] == LEARNT else UNMONITORED
     reason = NO_REASON if s[S_LEARNT] == LEARNT else LEARNING
-    set_status(
-        judge, log, t, i, status, reason, int(s[S_CHECK]), np.nan, s[S_MEAN_RESIDUAL], tolerance
-    )
+    set_status(judge, log, t, i, status, reason, s[S_CHECK], np.nan, s[S_MEAN_RESIDUAL], tolerance)
     return True
 
 
@@ -378,7 +377,7 @@ def _watch_suspicion(
 
 
 @kernel
-def unmonitor(judge: Judge, log: Array, t: float, known: int, reason: int) -> None:
+def unmonitor(judge: Judge, log: Array, t: float, known: int, reason: float) -> None:
     """No pitot can be judged now; a verdict of faulty stands."""
     for i in range(N_PITOTS):
         if (known >> i) & 1 and judge.sensor[i, S_STATUS] != FAULTY:
@@ -434,7 +433,7 @@ def judge_epoch(
     elif math.isnan(memory[J_WIND_SINCE]):
         memory[J_WIND_SINCE] = t
     elif not changed and t - memory[J_WIND_SINCE] >= limits.confirm_s:
-        adopt(bank, where[WIND_CHANGED], WIND_CHANGED)
+        adopt(bank, where[WIND_CHANGED], np.int64(WIND_CHANGED))
         memory[J_WIND_SINCE] = np.nan
     for i in range(N_PITOTS):
         if not (known >> i) & 1:
