@@ -12,10 +12,11 @@ b          its baseline over the last minute (turn-on biases)              (6,) 
 v          variance of d from interval to interval, half the mean square   (6,)    SI^2
            of its first difference
 m_n        mean of d - b over the last n intervals                         (6,)    SI
-s_n        its standard deviation, ``sqrt(max(v / n, a / n, M_n) +        (6,)    SI
+s_n        its standard deviation, ``sqrt(max(v / n, r a / n, M_n) +      (6,)    SI
            s_0^2 + (k |u|)^2)``
 M_n        mean square of m_n over the last minute                         (6,)    SI^2
-a          variance of d that the aliasing of the samples may cause        (6,)    SI^2
+a          variance of d if all that the samples alias showed in it        (6,)    SI^2
+r          share of a that does show, learnt                               (6,)    1
 z_n        ``m_n / s_n``                                                   (6,)    1
 k |u|      misalignment and scale: grows with what the manoeuvre demands   scalar  SI
 h          mean square second difference of an IMU's samples over 2 s      (6,)    SI^2
@@ -46,11 +47,11 @@ LAGS = (1, 5, 15)
 """Intervals over which differences are averaged."""
 
 D_BASE, D_VAR, D_LAST, D_COUNT, D_PEAK, D_HOLD = 0, 1, 2, 3, 4, 5
-D_Z, D_MEAN, D_MS, D_RING = 6, 9, 12, 15
+D_Z, D_MEAN, D_MS, D_ALIAS, D_RING = 6, 9, 12, 15, 16
 PAIR_ROWS = D_RING + 15
 """Rows of a pair's state: b, v, last d, intervals seen, recent magnitude of the signal (acc in
 column 0, gyro in 3), hold flags (1: the baseline stands still on that axis, a fault is called),
-z per lag (3), m per lag (3), mean square of m per lag (3), the last 15 d."""
+z per lag (3), m per lag (3), mean square of m per lag (3), mean of a, the last 15 d."""
 
 BASELINE_S = 60.0
 VARIANCE_S = 20.0
@@ -65,6 +66,9 @@ CALIBRATION = 0.02
 FLOOR_ACC_M_S2 = 0.02
 FLOOR_GYRO_RAD_S = 0.001
 """Wander of the difference that is no noise: the resolution of RAW_IMU is 1 mg and 1 mrad/s."""
+
+BURST = 1.5
+"""A burst of aliasing may show by this much more in the differences than the last minute's did."""
 
 ALIAS = 0.3
 """Share of the rms first difference that does not cancel between two IMUs sampled apart."""
@@ -186,10 +190,14 @@ def _compare(s: Array, d: Array, var: Array, acc: float, gyro: float, tick_s: fl
         step = 0.5 * (d[c] - s[D_LAST, c]) ** 2
         if count == 0.0:
             s[D_BASE, c] = d[c]
-            s[D_VAR, c] = (5.0 * floor) ** 2
-        else:
-            step = min(step, 9.0 * (s[D_VAR, c] + floor * floor))
-            s[D_VAR, c] += max(1.0 / (count + 5.0), tick_s / VARIANCE_S) * (step - s[D_VAR, c])
+            s[D_VAR, c] = s[D_ALIAS, c] = var[c] + (5.0 * floor) ** 2
+        # How much of the aliasing shows in the differences is learnt; bursts scale with it.
+        share = min(1.0, s[D_VAR, c] / s[D_ALIAS, c])
+        v_now = max(s[D_VAR, c], BURST * share * var[c])
+        if count > 0.0:
+            gain = max(1.0 / (count + 5.0), tick_s / VARIANCE_S)
+            s[D_VAR, c] += gain * (min(step, 9.0 * (v_now + floor * floor)) - s[D_VAR, c])
+            s[D_ALIAS, c] += gain * (var[c] + floor * floor - s[D_ALIAS, c])
         s[D_LAST, c] = d[c]
         s[D_RING + int(count) % 15, c] = d[c]
         worst = 0.0
@@ -199,14 +207,15 @@ def _compare(s: Array, d: Array, var: Array, acc: float, gyro: float, tick_s: fl
             for q in range(n):
                 m += s[D_RING + (int(count) - q) % 15, c]
             m = m / n - s[D_BASE, c]
-            v = max(max(s[D_VAR, c], var[c]) / n, s[D_MS + lag, c])
+            v = max(v_now / n, s[D_MS + lag, c])
             std = math.sqrt(v + floor * floor + (CALIBRATION * peak) ** 2)
             s[D_MEAN + lag, c] = m
             s[D_Z + lag, c] = m / std
             worst = max(worst, abs(m / std))
             if count > 25.0 and s[D_HOLD, c] == 0.0:
                 usual = min(m * m, 9.0 * std * std)
-                s[D_MS + lag, c] += tick_s / BASELINE_S * (usual - s[D_MS + lag, c])
+                slow = tick_s / BASELINE_S * (SLOWER if abs(m) > QUIET_SIGMA * std else 1.0)
+                s[D_MS + lag, c] += slow * (usual - s[D_MS + lag, c])
         if s[D_HOLD, c] == 0.0:
             gain = max(1.0 / (count + 1.0), tick_s / BASELINE_S)
             if worst > QUIET_SIGMA and count > 25.0:

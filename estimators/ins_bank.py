@@ -118,9 +118,11 @@ class Bank(NamedTuple):
     start_nis: Array  # (C, W) normaliser when it started
     nis: Array  # (C,) running mean of the normalised innovation squared
     aligned_s: Array  # (C,) time of alignment, NaN before
+    fix: Array  # (C, 6) last residual N, E; its last change between fixes; times of a jolt, a fix
     slip_s: Array  # (C,) time of the last slip measurement
     sample: Array  # (I, 7) last sample of each IMU: time, values; time NaN before the first
     diff2: Array  # (I, 6) mean square of the first difference over 2 s
+    turn: Array  # (I, 3) rates, smoothed
     alias: Array  # (I, 6) the same times the sampling interval
     ref: Array  # (16,) last reference values, see R_* below
     pend: Array  # (PENDING, 2 + EVENT_WIDTH) waiting measurements: time, kind, values
@@ -161,9 +163,11 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         start_nis=np.ones((n, w)),
         nis=np.full(n, 1.0),
         aligned_s=np.full(n, nan),
+        fix=np.tile([0.0, 0.0, nan, nan, -1e9, -1e9], (n, 1)),
         slip_s=np.full(n, -1e9),
         sample=np.full((n_imus, 7), nan),
         diff2=np.zeros((n_imus, 6)),
+        turn=np.zeros((n_imus, 3)),
         alias=np.zeros((n_imus, 6)),
         ref=np.full(16, nan),
         pend=np.zeros((PENDING, 2 + EVENT_WIDTH)),
@@ -188,6 +192,7 @@ White samples have 1 / sqrt(2) of it. The deployed form's trials used 0.3, which
 vibration; samples that alias turbulence, as the simulator's do, need the whole.
 """
 
+TURN_TAU_S = 0.5
 NIS_TAU_S = 30.0
 NIS_LEAST = 0.5
 """Normaliser of the statistics: running mean of the innovations' square, not below this."""
@@ -196,6 +201,26 @@ GPS_CHECK_S = 2.0
 GPS_CONTRADICTION_M = 1.5
 GPS_DISTRUST_S = 5.0
 """Position against integrated velocity of the receiver itself (deployed form's figures)."""
+
+GPS_JOLT_M_S = 2.5
+GPS_JOLT_S = 0.6
+"""Between two fixes every IMU's velocity disagrees by this much more than between the two before:
+or by four sigma of what the samples alias: no fault of an IMU does that twice, a noisy receiver
+does."""
+
+TURN_TAU_S = 0.5
+NIS_TAU_S = 30.0
+NIS_LEAST = 0.5
+"""Normaliser of the statistics: running mean of the innovations' square, not below this."""
+
+GPS_CHECK_S = 2.0
+GPS_CONTRADICTION_M = 1.5
+GPS_DISTRUST_S = 5.0
+"""Position against integrated velocity of the receiver itself (deployed form's figures)."""
+
+GPS_JOLT_M_S = 2.5
+GPS_JOLT_M_S2 = 40.0
+"""No aircraft changes its horizontal acceleration by four g from one fix to the next."""
 
 SLIP_INTERVAL_S = 1.0
 HEADING_INTERVAL_S = 1.0
@@ -258,6 +283,7 @@ def _align(b: Bank, p: Tuning, c: int, t: float) -> None:
     for i in range(4):
         P[E_REF + i, E_REF + i] = p.ref_std[mode, i] ** 2
     b.acc[c] = 0.0
+    b.fix[c, 2] = np.nan
     b.nis[c] = 2.0
     b.aligned_s[c] = t
     b.slip_s[c] = t
@@ -268,6 +294,7 @@ def _align(b: Bank, p: Tuning, c: int, t: float) -> None:
 def _measure_gps(b: Bank, p: Tuning, c: int, t: float, z: Array) -> None:
     x, P, R = b.x[c], b.P[c], b.R[c]
     h = np.zeros(N)
+    x_before = x[:2].copy()
     total, count = 0.0, 0
     for i in range(3):
         if math.isnan(z[i]):
@@ -279,6 +306,17 @@ def _measure_gps(b: Bank, p: Tuning, c: int, t: float, z: Array) -> None:
         h[VEL + i] = 1.0
         total += scalar_update(x, P, b.F[c], b.L[c], b.Y[c], h, z[i] - x[VEL + i], std * std)
         count += 1
+    e_n = z[0] - x_before[0] - b.fix[c, 0]
+    e_e = z[1] - x_before[1] - b.fix[c, 1]
+    shaken = 0.0
+    for i in range(3):
+        shaken += b.alias[c // 2, i]
+    shaken = 4.0 * math.sqrt(2.0 * NOISE_FRACTION**2 * shaken * min(t - b.fix[c, 5], 1.0))
+    b.fix[c, 5] = t
+    if math.hypot(e_n - b.fix[c, 2], e_e - b.fix[c, 3]) > max(GPS_JOLT_M_S, shaken):
+        b.fix[c, 4] = t
+    b.fix[c, 0], b.fix[c, 1] = z[0] - x[VEL], z[1] - x[VEL + 1]
+    b.fix[c, 2], b.fix[c, 3] = e_n, e_e
     gain = min(1.0, 0.2 / NIS_TAU_S)
     if t - b.aligned_s[c] > 2.0:
         b.nis[c] += gain * (min(total / max(count, 1), 30.0) - b.nis[c])
@@ -377,8 +415,6 @@ def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float)
 def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     """Carry both filters of an IMU to its new sample, through the measurements that waited."""
     t0 = b.sample[imu, 0]
-    if u[3] ** 2 + u[4] ** 2 + u[5] ** 2 > p.max_rate_rad_s**2:
-        b.clock[C_SPIN_S] = t
     pushed = b.pend_read[-1]
     if math.isnan(t0) or t - t0 > MAX_GAP_S or pushed - b.pend_read[imu] > PENDING:
         for mode in range(2):
@@ -390,6 +426,12 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
         dt = t - t0
         gain = min(1.0, dt / NOISE_TAU_S)
         last = b.sample[imu, 1:].copy()
+        turn2 = 0.0
+        for k in range(3):
+            b.turn[imu, k] += min(1.0, dt / TURN_TAU_S) * (u[3 + k] - b.turn[imu, k])
+            turn2 += b.turn[imu, k] ** 2
+        if turn2 > p.max_rate_rad_s**2:
+            b.clock[C_SPIN_S] = t
         for k in range(6):
             b.diff2[imu, k] += gain * ((u[k] - last[k]) ** 2 - b.diff2[imu, k])
             b.alias[imu, k] = b.diff2[imu, k] * min(dt, p.tick_s)
@@ -463,6 +505,18 @@ def _stop(b: Bank) -> None:
     b.x[:] = 0.0
     b.P[:] = 0.0
     b.pair[:] = 0.0
+
+
+@kernel
+def _all_jolted(b: Bank, now: float) -> bool:
+    """Whether the receiver's velocity has just contradicted every IMU at once."""
+    count = 0
+    for i in range(b.sample.shape[0]):
+        if not math.isnan(b.aligned_s[2 * i]) and now - b.sample[i, 0] < MAX_GAP_S:
+            if now - b.fix[2 * i, 4] > GPS_JOLT_S:
+                return False
+            count += 1
+    return count > 0
 
 
 @kernel
@@ -625,6 +679,9 @@ def run(
             continue
         b.clock[C_TICK] = tick
         odd = close_bins(b.edge, b.edge_at, b.pair, b.alias, int(tick), p.tick_s)
+        if _all_jolted(b, t):
+            b.clock[C_GPS_BAD_S] = t + GPS_DISTRUST_S
+            b.aligned_s[:] = np.nan
         odd = _interesting(b, p, t) or odd
         row = tick_count[0]
         if row < ticks.shape[0]:

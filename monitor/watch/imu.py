@@ -104,7 +104,9 @@ class ImuWatch:
         """One stream in (time, arrival) order of all rows that the filters use."""
         parts = []
         if self._origin_us is None:
-            self._origin_us = min((int(r["t_us"][0]) for r in rows.values() if len(r)), default=None)
+            self._origin_us = min(
+                (int(r["t_us"][0]) for r in rows.values() if len(r)), default=None
+            )
         for sensor, new in rows.items():
             if len(new) == 0:
                 continue

@@ -43,14 +43,19 @@ SPIN_HOLD_S = 3.0
 CONTRADICTION_HOLD_S = 5.0
 YOUNG_S = 0.8
 """A window younger than this has seen too few fixes to name an axis."""
+SECOND_FAULT = 1.5
+"""A lone IMU with a called fault is a poorer model: a second one must be this much clearer."""
+SAME_FAULT = 0.75
+"""That a called fault changes, or ends, needs less than that it exists."""
 MARGIN_NATS = 3.0
 MARGIN_WAIT_S = 3.0
 """The best axis must beat its rival by this, or the best is named, with its pair, after a wait."""
-SUPPORT_NATS = 3.0
-"""A fault seen only with the vehicle's attitude must be this likely without it."""
+RECTIFIED = 0.1
+"""Vibration and gusts that the samples alias can leave a mean of this share of their sample-to-
+sample rms (rectification): a lone IMU is not blamed for less. Real flights shake by 1 m/s^2."""
 TRACK_STD = np.array([0.1, 0.1, 0.1, 0.003, 0.003, 0.003])
 """How exactly another IMU says what a faulty one measures [m/s^2, rad/s]."""
-RAISED_DENSITY = np.array([0.1, 0.1, 0.1, 0.005, 0.005, 0.005])
+RAISED_DENSITY = np.array([0.03, 0.03, 0.03, 0.001, 0.001, 0.001])
 """Walk of a fault that was called, for as long as it lasts [m/s^2.5, rad/s^1.5]."""
 
 
@@ -495,7 +500,8 @@ class Judge:
             if imu in (i, j) and b.pair[i, j, difference.D_COUNT, 0] >= 15:
                 s = b.pair[i, j]
                 ring = s[difference.D_RING : difference.D_RING + 15, k] - s[difference.D_BASE, k]
-                if ring.max() > self._size[k] and ring.min() < -self._size[k]:
+                clear = self._size[k] + 3.0 * math.sqrt(float(s[difference.D_VAR, k]))
+                if ring.max() > clear and ring.min() < -clear:
                     return Kind.OSCILLATION
                 fast = abs(float(s[difference.D_MEAN + 1, k]))
                 slow = abs(float(s[difference.D_MEAN + 2, k]))
@@ -560,36 +566,40 @@ class Judge:
             return
         if any(a.latch.state is LatchState.FAULTY for i in whole for a in self._units[i].axes):
             return
-        alarmed = [self._alarm(b, 2 * i + INS, self._set.single_sigma, now) for i in whole]
+        limit = np.full(6, self._set.single_sigma)
+        alarmed = (self._alarm(b, 2 * i + m, limit, now) for i in whole for m in (INS, ATT))
         if all(a is not None for a in alarmed):
             self._contradicted_s = now
 
     # -- 3: a lone IMU -----------------------------------------------------------------------------
 
     def _alarm(
-        self, b: bank.Bank, c: int, limit: float, now: float
+        self, b: bank.Bank, c: int, limit: Array, now: float
     ) -> tuple[int, int, float, float] | None:
         """Window, axis, fault and statistic of the loudest single-axis fault of a filter."""
         if math.isnan(b.aligned_s[c]):
             return None
         f, z = single_axis(b.L[c, :-1], b.Y[c, :-1], b.start_nis[c, :-1])
-        loud = np.where(np.abs(f) > self._size, np.abs(z), 0.0)
+        rms = np.sqrt(b.diff2[c // 2])
+        shaken = np.repeat([math.hypot(*rms[:3]), math.hypot(*rms[3:])], 3)
+        size = np.maximum(self._size, RECTIFIED * shaken)
+        loud = np.where(np.abs(f) > size, np.abs(z) / limit, 0.0)
         loud[now - b.start_s[c, :-1] < YOUNG_S] = 0.0
         w, k = np.unravel_index(int(np.argmax(loud)), loud.shape)
-        if loud[w, k] <= limit:
+        if loud[w, k] <= 1.0:
             return None
         return int(w), int(k), float(f[w, k]), float(z[w, k])
 
     def _lone(self, b: bank.Bank, imu: int, now: float) -> list[Verdict]:
         unit = self._units[imu]
         self._settle(b, imu, now)
-        limit = self._set.single_sigma
+        limit = np.full(6, self._set.single_sigma)
+        called = [a.latch.state is LatchState.FAULTY for a in unit.axes]
+        if any(called):
+            limit *= np.where(called, SAME_FAULT, SECOND_FAULT)
         mode, found = INS, self._alarm(b, 2 * imu + INS, limit, now)
         by_attitude = self._alarm(b, 2 * imu + ATT, limit, now)
-        if by_attitude is not None and (
-            self._set.attitude_independent
-            or (found is None and self._supported(b, imu, by_attitude))
-        ):
+        if by_attitude is not None and self._set.attitude_independent:
             mode, found = ATT, by_attitude
         t_us = round(now * US)
         named = None if found is None else found[1]
@@ -617,16 +627,6 @@ class Judge:
         if axis.latch.step(t_us, True, False) is not LatchState.FAULTY:
             return []
         return self._call_lone(b, imu, mode, found, rival, now)
-
-    def _supported(self, b: bank.Bank, imu: int, found: tuple[int, int, float, float]) -> bool:
-        """Whether what the shared attitude shows is likely without it as well."""
-        w, k, size, _ = found
-        c = 2 * imu + INS
-        f = np.zeros(6)
-        f[k] = size
-        own = log_likelihood(b.L[c, w], b.Y[c, w], f, float(b.start_nis[c, w]))
-        best = name_axis(b.L[c, w], b.Y[c, w], float(b.start_nis[c, w]))
-        return own > SUPPORT_NATS and 0.5 * best.z**2 - own < MARGIN_NATS
 
     def _call_lone(
         self,
