@@ -24,6 +24,7 @@ __all__ = [
     "static_pressure",
     "temperature",
     "transport_rate_ned",
+    "true_airspeed",
 ]
 
 Floats = NDArray[np.float64]
@@ -100,6 +101,13 @@ def calibrated_airspeed(impact_pa: ArrayLike) -> Floats:
     sound2 = HEAT_RATIO * GAS_CONSTANT * SEA_LEVEL_TEMPERATURE_K
     ratio = np.maximum(impact_pa, 0.0) / SEA_LEVEL_PRESSURE_PA
     return np.asarray(np.sqrt(5.0 * sound2 * ((1.0 + ratio) ** (2.0 / 7.0) - 1.0)))
+
+
+def true_airspeed(impact_pa: ArrayLike, pressure_pa: ArrayLike, temperature_k: ArrayLike) -> Floats:
+    """Inverse of :func:`impact_pressure` [m/s]."""
+    ratio = np.asarray(impact_pa) / np.asarray(pressure_pa)
+    mach2 = 5.0 * ((1.0 + ratio) ** (2.0 / 7.0) - 1.0)
+    return np.asarray(np.sqrt(mach2 * HEAT_RATIO * GAS_CONSTANT * np.asarray(temperature_k)))
 
 
 def impact_pressure_of_cas(cas_m_s: ArrayLike) -> Floats:

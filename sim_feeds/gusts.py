@@ -28,6 +28,8 @@ ALLEVIATION: Final = 0.5
 WEATHERCOCK: Final = 0.9
 """Share of a gust's sideslip that the yaw motion takes away."""
 HOLD_DAMPING: Final = 0.9
+FORGOTTEN: Final = 1e-25
+"""Influence of an old state below which it is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +73,21 @@ def linear_response(
     step = _expm(block)
     Ad, now, slope = step[:m, :m], step[:m, m : m + r], step[:m, m + r :]
     drive = u[:-1] @ now.T + np.diff(u, axis=0) @ slope.T
-    x = np.empty((len(u), m))
-    x[0] = x0
-    for k in range(len(u) - 1):
-        x[k + 1] = Ad @ x[k] + drive[k]
+    x = _recurrence(Ad, np.concatenate([x0[None], drive]))
     return x, x @ A.T + u @ B.T
+
+
+def _recurrence(A: Floats, d: Floats) -> Floats:
+    """x[k] = A x[k-1] + d[k] for all k at once, by doubling.
+
+    After the pass with span s, x[k] holds the sum of A^j d[k-j] over the last 2 s terms.
+    """
+    x, power, span = d, A, 1
+    while span < len(x) and np.abs(power).max() > FORGOTTEN:
+        added = np.einsum("ij,kj->ki", power, x[:-span])
+        x = np.concatenate([x[:span], x[span:] + added])
+        power, span = power @ power, 2 * span
+    return x
 
 
 def _expm(a: Floats) -> Floats:

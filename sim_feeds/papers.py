@@ -348,8 +348,10 @@ def wan2016_experiment(case: int, seed: int = 0, start_s: float = 20.0) -> Longi
     """
     c = WAN2016_CASES[case]
     height = c.height_ft * 0.3048
-    density = float(earth.density(height))
-    tas = c.speed_kt * KNOT_M_S * float(np.sqrt(float(earth.density(0.0)) / density))
+    impact = earth.impact_pressure_of_cas(c.speed_kt * KNOT_M_S)
+    tas = float(
+        earth.true_airspeed(impact, earth.static_pressure(height), earth.temperature(height))
+    )
     light = replace(AIRFRAMES["transport"], cruise_m_s=c.speed_kt * KNOT_M_S)
     plan = FlightPlan(light, speed_m_s=tas, height_m=height).level(2.0)
     match c.manoeuvre:
