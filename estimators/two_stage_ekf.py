@@ -3,7 +3,7 @@
 The IMU drives a kinematic model, velocity and attitude correct it, and what must be subtracted
 from the IMU for the two to agree are its faults. The filter is the augmented twelve-state EKF,
 split in a bias-free filter of the state and a filter of the faults; symbols and equations stand in
-:mod:`estimators.two_stage_kernels`, the models in :mod:`estimators.kinematics`.
+:mod:`estimators.two_stage_memory`, the models in :mod:`estimators.kinematics`.
 
 Two modes: `paper` linearises and integrates at xbar with the measured input, as (31)-(34) are
 printed; `exact` does so at x with the faults removed, which is the extended Kalman filter proper
@@ -51,9 +51,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estimators import two_stage_kernels as kernels
+from estimators import two_stage_run as kernels
 from estimators.kinematics import AS, GS
-from estimators.two_stage_kernels import MEMORY, TRACK, TUNING, Status
+from estimators.two_stage_memory import MAX_WINDOW, MEMORY, TRACK, TUNING, Status
 
 __all__ = ["AS", "GS", "DelayedFilter", "Settings", "Status", "TwoStageFilter"]
 
@@ -118,9 +118,9 @@ class Settings:
     max_gap_s: float = 0.5
 
     def tuning(self) -> Rows:
-        """The same as a row of ``two_stage_kernels.TUNING``, in an array of one."""
-        if not 1 <= self.window <= kernels.MAX_WINDOW:
-            raise ValueError(f"window is {self.window}, not from 1 to {kernels.MAX_WINDOW}")
+        """The same as a row of ``two_stage_memory.TUNING``, in an array of one."""
+        if not 1 <= self.window <= MAX_WINDOW:
+            raise ValueError(f"window is {self.window}, not from 1 to {MAX_WINDOW}")
         t = np.zeros(1, TUNING)
         t["model"], t["exact"], t["adapt"] = self.model, self.mode == "exact", self.adapt
         t["divide_by_dt"], t["detuning"] = self.divide_by_dt, self.detuning or 0.0
@@ -253,7 +253,7 @@ class TwoStageFilter:
 
         Returns
         -------
-        (n,) rows of ``two_stage_kernels.TRACK``
+        (n,) rows of ``two_stage_memory.TRACK``
         """
         inputs, outputs = _six_columns(um), _six_columns(y)
         places = np.ascontiguousarray(env, dtype=np.float64).reshape(-1, 2)
@@ -327,7 +327,7 @@ class DelayedFilter:
         -------
         t_us : (k,) int64 [us]
             Times of the measurements used now.
-        track : (k,) rows of ``two_stage_kernels.TRACK``
+        track : (k,) rows of ``two_stage_memory.TRACK``
             Estimates at these times.
         """
         self._imu_t = np.concatenate([self._imu_t, np.asarray(imu_t_us, dtype=np.int64)])

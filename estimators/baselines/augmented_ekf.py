@@ -20,7 +20,7 @@ from estimators import kinematics
 from estimators.baselines import numpy_twins_imu as twins
 from estimators.kinematics import ANGLES, Earth
 from estimators.two_stage_ekf import Settings
-from estimators.two_stage_kernels import discretise, runge_kutta
+from estimators.two_stage_predict import discretise, runge_kutta
 
 __all__ = ["AugmentedEKF"]
 
