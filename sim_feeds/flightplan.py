@@ -21,6 +21,8 @@ __all__ = ["FlightPlan"]
 
 CLIMB_LOAD_STEP_G: Final = 0.2
 """Load factor above or below one when a climb or descent begins or ends."""
+MAX_CLIMB: Final = 0.7
+"""Largest share of the airspeed that goes up or down."""
 MAX_PUSH_OVER_RAD: Final = radians(70.0)
 """Largest swing of the climb angle in a push-over."""
 ROTATION_SPEED: Final = 0.95
@@ -84,6 +86,10 @@ class FlightPlan:
 
     def climb_at(self, rate_m_s: float, duration_s: float) -> Self:
         """Climb at a vertical speed (negative: descend), entry and exit included; ends level."""
+        if abs(rate_m_s) > MAX_CLIMB * self._speed:
+            raise ValueError(
+                f"{rate_m_s:g} m/s is too steep a climb at an airspeed of {self._speed:g} m/s"
+            )
         angle = asin(rate_m_s / self._speed)
         rise = self._pitch_over_s(angle)
         if duration_s < 2.0 * rise:

@@ -225,6 +225,8 @@ def test_impossible_manoeuvres_are_refused():
         plane.push_over(5.0)
     with pytest.raises(ValueError, match="at least"):
         plane.climb_at(4.0, 1.0)
+    with pytest.raises(ValueError, match="too steep"):
+        plane.climb_at(25.0, 30.0)
     with pytest.raises(ValueError, match="on the ground"):
         FlightPlan(AIRFRAMES["small-uav"]).land()
 
