@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.attitude import ned_from_frd
-from estimators.baselines.numpy_twins_imu import discretise, earth_terms, linearise
+from estimators.attitude import ned_from_frd, wrap
+from estimators.baselines.numpy_twins_imu import discretise, earth_terms, linearise, rates
 from estimators.kinematics import GS
 from estimators.two_stage_ekf import DelayedFilter, Settings, Status, TwoStageFilter
 from sim_feeds.faults import Fault, FaultKind
@@ -188,6 +188,29 @@ def test_the_printed_detuning_is_what_keeps_the_estimates_quiet(healthy: ImuExpe
     assert quiet_std(None) == quiet_std(1e-4)
     assert 0.008 < quiet_std(None) < 0.020
     assert 0.5 < quiet_std(1.0) < 1.0
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.3, -0.3])
+def test_headings_that_cross_north_and_south_are_no_fault(turn_rad_s: float) -> None:
+    """A flat turn of 60 s, heading measured in (-pi, pi]: three crossings, unwrapped estimate."""
+    rng = np.random.default_rng(7)
+    n, g = 6000, earth_terms(LAT, ALT)[0]
+    u = np.tile([0.0, 0.0, -g, 0.0, 0.0, turn_rad_s], (n, 1))
+    x = np.zeros((n + 1, 6))
+    x[0] = [20.0, 0.0, 0.0, 0.0, 0.0, 3.0]
+    earth = earth_terms(LAT, ALT)
+    for k in range(n):
+        middle = x[k] + 0.005 * rates(GS, x[k], u[k], earth)
+        x[k + 1] = x[k] + 0.01 * rates(GS, middle, u[k], earth)
+    assert abs(x[-1, 5] - 3.0) > 5 * math.pi
+    one = TwoStageFilter(Settings(), x[0])
+    std_u, std_y = np.sqrt(one.tuning["Q"][0]), np.sqrt(one.tuning["R"][0])
+    y = x + std_y * rng.standard_normal(x.shape)
+    y[:, 5] = wrap(y[:, 5])
+    track = one.run(u + std_u * rng.standard_normal(u.shape), y[1:], np.tile([LAT, ALT], (n, 1)))
+    assert np.abs(track["f"][:, :3]).max() < 0.1
+    assert np.abs(track["f"][:, 5]).max() < 3e-3
+    assert one.state[5] == pytest.approx(x[-1, 5], abs=1e-3)
 
 
 def looping(seconds: float, fault: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
