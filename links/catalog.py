@@ -12,7 +12,7 @@ it is absent is for the pipeline to say, which sees the whole stream.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, nan, pi
 
@@ -23,7 +23,7 @@ from links.clock import Stamp
 
 __all__ = [
     "AUTOPILOT_PX4",
-    "FOLLOWS_COMPONENTS",
+    "FROM_ANY_COMPONENT",
     "MAX_INSTANCES",
     "NAMED_INPUTS",
     "RANKING",
@@ -63,8 +63,6 @@ class Fill:
         Row value = wire value times ``scale`` plus ``offset``.
     low, high
         Bounds of the row value [the field's unit].
-    unknown
-        Wire value that means "not known" (the row value is NaN), when the message has one.
     required
         Whether a row without this value is rejected; otherwise NaN stays NaN.
     compute
@@ -77,9 +75,13 @@ class Fill:
     offset: float = 0.0
     low: float = -inf
     high: float = inf
-    unknown: float | None = None
     required: bool = True
     compute: Callable[[Payload], Floats] | None = None
+
+    @property
+    def bounded(self) -> bool:
+        """Whether being within the bounds implies being finite."""
+        return self.low > -inf and self.high < inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -463,11 +465,8 @@ STAMPS: dict[str, tuple[str, Stamp, int]] = {
 }
 """Message -> field with its stamp, how to read it, microseconds per unit. Others have none."""
 
-FOLLOWS_COMPONENTS: Mapping[str, frozenset[int] | None] = {
-    "STATUSTEXT": None,
-    "NAMED_VALUE_FLOAT": None,
-}
-"""Messages taken from other components than the autopilot's (None: from any but our own).
+FROM_ANY_COMPONENT = frozenset({"text", "named"})
+"""Quantities taken from every component of the vehicle but our own; others from the autopilot's.
 
-A named value counts as a *sensor* only from the components that sensors are taken from.
+So a named value becomes a *sensor* only when it comes from where sensors are taken from.
 """

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from links.catalog import Source
 from links.samples import Rows
 
 __all__ = ["Candidate", "SourceRanking"]
@@ -21,7 +22,7 @@ __all__ = ["Candidate", "SourceRanking"]
 _NEVER = np.iinfo(np.int64).min
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Candidate:
     """Usable rows that one source offers for one sensor, in arrival order.
 
@@ -29,24 +30,25 @@ class Candidate:
     ----------
     rank
         Place of the source, 0 the best.
-    frame : (n,) int64
-        Arrival index of the frame of each row, ascending.
     order
         Breaks ties between rows of one frame.
+    source
+        Where the rows come from.
+    frame : (n,) int64
+        Arrival index of the frame of each row, ascending.
+    rows : (n,) structured
+        Rows of the sensor; their ``seq`` is not set yet.
     """
 
     rank: int
-    synthetic: bool
-    message: str
-    frame: NDArray[np.int64]
     order: int
+    source: Source
+    frame: NDArray[np.int64]
     rows: Rows
 
     def take(self, mask: NDArray[np.bool_]) -> Candidate:
         """Some of the rows."""
-        return Candidate(
-            self.rank, self.synthetic, self.message, self.frame[mask], self.order, self.rows[mask]
-        )
+        return Candidate(self.rank, self.order, self.source, self.frame[mask], self.rows[mask])
 
 
 class SourceRanking:
@@ -70,7 +72,7 @@ class SourceRanking:
         spoke = self._spoke.setdefault(sensor, {})
         if len(candidates) == 1 and not spoke.keys() - {candidates[0].rank}:
             only = candidates[0]
-            if not only.synthetic:
+            if not only.source.synthetic:
                 if len(only.rows):
                     spoke[only.rank] = int(only.rows["t_us"][-1])
                 return candidates
@@ -87,7 +89,7 @@ class SourceRanking:
                     latest = np.where(before >= 0, b.rows["t_us"][np.maximum(before, 0)], _NEVER)
                     np.maximum(better, latest, out=better)
             silent = better == _NEVER
-            if c.synthetic:
+            if c.source.synthetic:
                 use = silent & (t >= first_t_us + self._settle_us)
             else:
                 use = silent | (t > np.where(silent, 0, better) + self._timeout_us)

@@ -51,7 +51,8 @@ class LogInfo:
         Checked frames of all systems; bytes that belonged to no frame.
     first_t_us, last_t_us
         Vehicle time of the log's first record and newest vehicle time [us]. The first record may
-        have no time of its own; then the Unix stamps tell how long before the first that has.
+        have no time of its own; then the Unix stamps tell how long before the first that has
+        (negative when the record is older than the vehicle's boot).
     start_unix_us, end_unix_us
         First and last Unix stamp [us], None without one.
     vehicle
@@ -136,7 +137,7 @@ class TlogReader:
             t_us, unix_us = decoder.first_stamp
             known = unix_us != NO_STAMP and info.start_unix_us is not None
             before = unix_us - (info.start_unix_us or 0) if known else 0
-            info.first_t_us = t_us - before if 0 <= before <= t_us else t_us
+            info.first_t_us = t_us - max(before, 0)
         return batch
 
     def _note_stamps(self, stamps: NDArray[np.int64]) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from links import catalog
 from links.catalog import Source
 from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
-from links.mavlink.dialect import Message, load_dialect
+from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer, Frames
 from links.mavlink.options import Counters, DecoderOptions, Vehicle
 from links.mavlink.rows import build_rows, gather_payloads, instances
@@ -38,6 +39,27 @@ _INTEGER_PARAM_TYPES = 6  # MAV_PARAM_TYPE_UINT8 ... INT32 are 1 ... 6
 
 Rejected = Counter[tuple[str, Rejection]]
 Group = tuple[NDArray[np.int64], Rows]  # indices of the frames, their payloads
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A source in use: its rank, its place among the rows of one frame, whom it is taken from."""
+
+    rank: int
+    order: int
+    source: Source
+    components: tuple[int, ...] | None  # None: any but our own
+    named: bytes | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """What the frames of one block have in common."""
+
+    component: NDArray[np.int64] | None  # None: all from the autopilot
+    times: ClockResult
+    ratios: Mapping[int, list[tuple[int, float]]]
+    rejected: Rejected
 
 
 class Decoder:
@@ -82,7 +104,9 @@ class Decoder:
         self._first_t_us: int | None = None
         self._ratio: dict[int, float] = {}
         self._sequence: dict[int, int] = {}
-        self._sources: dict[int, list[tuple[int, int, Source]]] = {}
+        self._sources: dict[int, list[_Entry]] = {}
+        self._parameter = self._dialect.by_name["PARAM_VALUE"].id
+        self._named_value = self._dialect.by_name["NAMED_VALUE_FLOAT"].id
         self._stamps = {
             m.id: (wire, kind, unit)
             for name, (wire, kind, unit) in catalog.STAMPS.items()
@@ -129,9 +153,24 @@ class Decoder:
         for order, source in enumerate((*catalog.SOURCES, *named)):
             message = self._dialect.by_name.get(source.message)
             keys = ranking[source.quantity]
-            if message is not None and source.key in keys:
-                entry = (keys.index(source.key), order, source)
-                self._sources.setdefault(message.id, []).append(entry)
+            if message is None or source.key not in keys:
+                continue
+            entry = _Entry(
+                keys.index(source.key),
+                order,
+                source,
+                self._components(source),
+                None if source.named is None else source.named.encode(),
+            )
+            self._sources.setdefault(message.id, []).append(entry)
+
+    def _components(self, source: Source) -> tuple[int, ...] | None:
+        """Components that a source is taken from; texts and named values come from anyone."""
+        if source.message in self.options.components:
+            return tuple(self.options.components[source.message])
+        if source.quantity in catalog.FROM_ANY_COMPONENT:
+            return None
+        return (self.options.autopilot_component,)
 
     # ------------------------------------------------------------------ frames
 
@@ -292,69 +331,70 @@ class Decoder:
         if self._first_t_us is None and times.ok.any():
             self._first_t_us = int(times.t_us[np.argmax(times.ok)])
         ratios = self._ratios(groups, from_autopilot)
+        block = _Block(None if from_autopilot.all() else frames.component, times, ratios, rejected)
         offers: dict[str, list[Candidate]] = {}
         for number, (index, payload) in groups.items():
-            message = self._dialect.by_id[number]
-            if message.name == "PARAM_VALUE":
+            if number == self._parameter:
                 payload = self._param_bits(payload)
-            for rank, order, source in self._sources.get(number, ()):
-                for sensor, candidate in self._offers(
-                    source, message, index, payload, frames.component, times, ratios, rejected
-                ):
-                    candidate.rank, candidate.order = rank, order
+            names = set(payload["name"].tolist()) if number == self._named_value else ()
+            for entry in self._sources.get(number, ()):
+                if entry.named is not None and entry.named not in names:
+                    continue
+                for sensor, candidate in self._offers(entry, index, payload, block):
                     offers.setdefault(sensor, []).append(candidate)
         return self._number(offers)
 
     def _offers(
-        self,
-        source: Source,
-        message: Message,
-        index: NDArray[np.int64],
-        payload: Rows,
-        component: NDArray[np.int64],
-        times: ClockResult,
-        ratios: Mapping[int, list[tuple[int, float]]],
-        rejected: Rejected,
+        self, entry: _Entry, index: NDArray[np.int64], payload: Rows, block: _Block
     ) -> Iterable[tuple[str, Candidate]]:
-        """Usable rows that ``source`` gives from the payloads of its message."""
-        allowed = self.options.components.get(message.name)
-        anyone = (
-            allowed is None
-            and message.name in catalog.FOLLOWS_COMPONENTS
-            and source.quantity in ("text", "named")
-        )
-        take = np.full(len(index), anyone)
-        if not anyone:
-            for number in allowed or (self.options.autopilot_component,):
-                take |= component[index] == number
-            if source.quantity == "heartbeat":
-                take &= payload["autopilot"] != _AUTOPILOT_INVALID
-        if source.named is not None:
-            take &= payload["name"] == source.named.encode()
-        if source.only is not None:
-            take &= source.only(payload)
-        if not take.all():
+        """Usable rows that a source gives from the payloads of its message."""
+        source, times, rejected = entry.source, block.times, block.rejected
+        take = self._theirs(entry, index, payload, block.component)
+        if take is not None:
             index, payload = index[take], payload[take]
-        if not len(index):
-            return
+            if not len(index):
+                return
         for sensor, mask in instances(source, payload):
             at, part = (index, payload) if mask is None else (index[mask], payload[mask])
             if sensor == source.quantity and source.instance is not None:
                 rejected[sensor, Rejection.OUT_OF_RANGE] += len(at)
                 continue
-            ratio = self._ratio_at(sensor, at, ratios) if source.ratio else None
+            ratio = self._ratio_at(sensor, at, block.ratios) if source.ratio else None
             rows, good = build_rows(source, sensor, part, rejected, ratio)
-            ok = times.ok[at]
-            for i in at[good & ~ok].tolist():
-                rejected[sensor, times.reason[i]] += 1
-            good &= ok
+            if times.reason:
+                ok = times.ok[at]
+                for i in at[good & ~ok].tolist():
+                    rejected[sensor, times.reason[i]] += 1
+                good &= ok
             rows["t_us"] = times.t_us[at]
             if source.quantity == "gps":
                 rows["stamp_us"] = times.stamp_us[at]
             if not good.all():
                 rows, at = rows[good], at[good]
             if len(rows):
-                yield sensor, Candidate(0, source.synthetic, message.name, at, 0, rows)
+                yield sensor, Candidate(entry.rank, entry.order, source, at, rows)
+
+    @staticmethod
+    def _theirs(
+        entry: _Entry,
+        index: NDArray[np.int64],
+        payload: Rows,
+        component: NDArray[np.int64] | None,
+    ) -> NDArray[np.bool_] | None:
+        """Which payloads are this source's; None for all."""
+        source, conditions = entry.source, []
+        if component is not None and entry.components is not None:
+            conditions.append(np.isin(component[index], entry.components))
+        if source.quantity == "heartbeat":
+            conditions.append(payload["autopilot"] != _AUTOPILOT_INVALID)
+        if entry.named is not None:
+            conditions.append(payload["name"] == entry.named)
+        if source.only is not None:
+            conditions.append(source.only(payload))
+        if not conditions:
+            return None
+        mask: NDArray[np.bool_] = np.logical_and.reduce(conditions)
+        return None if mask.all() else mask
 
     def _number(self, offers: Mapping[str, list[Candidate]]) -> dict[str, Rows]:
         """Pick each sensor's rows and number all of them in arrival order."""
@@ -380,7 +420,7 @@ class Decoder:
         for sensor, chosen in picked.items():
             used = self.sources.setdefault(sensor, Counter())
             for c in chosen:
-                used[c.message] += len(c.rows)
+                used[c.source.message] += len(c.rows)
             if len(chosen) == 1:
                 rows[sensor] = chosen[0].rows
             else:
@@ -395,7 +435,7 @@ class Decoder:
     ) -> dict[int, list[tuple[int, float]]]:
         """Pitot number -> (frame, ARSPD_RATIO from there on), the state before the block first."""
         ratios = {k: [(-1, v)] for k, v in self._ratio.items()}
-        group = groups.get(self._dialect.by_name["PARAM_VALUE"].id)
+        group = groups.get(self._parameter)
         if group is None:
             return ratios
         index, payload = group
