@@ -60,7 +60,7 @@ QUIET_SIGMA = 2.5
 SLOWER = 0.1
 """The baseline learns ten times slower beyond 2.5 sigma (deployed form's figures)."""
 
-CALIBRATION = 0.02
+CALIBRATION = 0.01
 """Misalignment and scale mismatch between two IMUs, as a fraction of the signal."""
 
 FLOOR_ACC_M_S2 = 0.02

@@ -9,10 +9,9 @@ z_i        ``y_i / sqrt(L_ii)``: standard normal without a fault           scala
 l(f)       log likelihood of the fault f against none, ``y f - f L f / 2`` scalar  1
 =========  ==============================================================  ======  =====
 
-With a single faulty axis the largest z names it (the generalised likelihood ratio of that
-hypothesis); what the named axis leaves unexplained is tested the same way, so that several axes
-can be named one after another. Of two IMUs that differ by d, either the one has the fault d or the
-other has -d: the difference of the two log likelihoods decides, or says that nothing is known yet.
+With a single faulty axis the largest z names it, over all windows: each is one hypothesis of the
+onset (the generalised likelihood ratio). Of two IMUs that differ by d, either the one has the
+fault d or the other has -d: the difference of the two log likelihoods decides, or says that nothing is known yet.
 
 Source: Willsky and Jones 1976 (generalised likelihood ratio); lu2016 eq. (45)-(52) give y and L.
 """
@@ -20,39 +19,13 @@ Source: Willsky and Jones 1976 (generalised likelihood ratio); lu2016 eq. (45)-(
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AxisEvidence", "log_likelihood", "name_axis", "single_axis"]
+__all__ = ["log_likelihood", "single_axis"]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class AxisEvidence:
-    """The axis that explains a window best.
-
-    Attributes
-    ----------
-    axis
-        0..5: acc x, y, z, gyro x, y, z.
-    fault
-        Its estimate [m/s^2 or rad/s].
-    z
-        Its statistic [sigma].
-    rival
-        The axis that explains nearly as much.
-    margin
-        By how much the best axis explains more than the rival (log likelihood).
-    """
-
-    axis: int
-    fault: float
-    z: float
-    rival: int
-    margin: float
 
 
 def single_axis(L: Array, y: Array, normaliser: float | Array = 1.0) -> tuple[Array, Array]:
@@ -76,21 +49,6 @@ def single_axis(L: Array, y: Array, normaliser: float | Array = 1.0) -> tuple[Ar
     f = np.where(known, y / safe, 0.0)
     scale = np.asarray(normaliser, dtype=float)[..., None]
     return f, f * np.sqrt(safe / scale)
-
-
-def name_axis(L: Array, y: Array, normaliser: float) -> AxisEvidence:
-    """The axis that explains one window best, and its rival.
-
-    Parameters
-    ----------
-    L : (6, 6), y : (6,) float64
-    normaliser : float
-    """
-    f, z = single_axis(L, y, normaliser)
-    order = np.argsort(-np.abs(z))
-    best, rival = int(order[0]), int(order[1])
-    margin = 0.5 * float(z[best] ** 2 - z[rival] ** 2)
-    return AxisEvidence(best, float(f[best]), float(z[best]), rival, margin)
 
 
 def log_likelihood(L: Array, y: Array, f: Array, normaliser: float) -> float:

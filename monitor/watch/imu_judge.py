@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from estimators import imu_difference as difference
 from estimators import ins_bank as bank
 from estimators.detection import Latch, LatchRule, LatchState
-from estimators.imu_evidence import log_likelihood, name_axis, single_axis
+from estimators.imu_evidence import log_likelihood, single_axis
 from estimators.ins_bank_model import ATT, F_ACC, INS
 from links.vocabulary import Kind, Reason, State
 from monitor.settings.imu import ImuSettings
@@ -97,6 +97,18 @@ class Pair:
     latches: list[Latch]
     undecided: list[bool] = field(default_factory=lambda: [False] * 6)
     onset_s: list[float] = field(default_factory=lambda: [math.nan] * 6)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A single-axis fault that explains a lone IMU's innovations best, and the next best axis."""
+
+    window: int
+    axis: int
+    fault: float
+    z: float
+    rival: int
+    margin: float
 
 
 class Judge:
@@ -573,10 +585,8 @@ class Judge:
 
     # -- 3: a lone IMU -----------------------------------------------------------------------------
 
-    def _alarm(
-        self, b: bank.Bank, c: int, limit: Array, now: float
-    ) -> tuple[int, int, float, float] | None:
-        """Window, axis, fault and statistic of the loudest single-axis fault of a filter."""
+    def _alarm(self, b: bank.Bank, c: int, limit: Array, now: float) -> Found | None:
+        """The loudest single-axis fault of a filter, over all windows: all possible onsets."""
         if math.isnan(b.aligned_s[c]):
             return None
         f, z = single_axis(b.L[c, :-1], b.Y[c, :-1], b.start_nis[c, :-1])
@@ -585,10 +595,15 @@ class Judge:
         size = np.maximum(self._size, RECTIFIED * shaken)
         loud = np.where(np.abs(f) > size, np.abs(z) / limit, 0.0)
         loud[now - b.start_s[c, :-1] < YOUNG_S] = 0.0
-        w, k = np.unravel_index(int(np.argmax(loud)), loud.shape)
+        by_axis = loud.max(axis=0)
+        order = np.argsort(-by_axis)
+        k, rival = int(order[0]), int(order[1])
+        w = int(np.argmax(loud[:, k]))
         if loud[w, k] <= 1.0:
             return None
-        return int(w), int(k), float(f[w, k]), float(z[w, k])
+        second = float(np.abs(z[:, rival]).max())
+        margin = 0.5 * float(z[w, k] ** 2 - second**2)
+        return Found(w, k, float(f[w, k]), float(z[w, k]), rival, margin)
 
     def _lone(self, b: bank.Bank, imu: int, now: float) -> list[Verdict]:
         unit = self._units[imu]
@@ -602,18 +617,15 @@ class Judge:
         if by_attitude is not None and self._set.attitude_independent:
             mode, found = ATT, by_attitude
         t_us = round(now * US)
-        named = None if found is None else found[1]
+        named = None if found is None else found.axis
         if found is None:
             unit.since_s = math.nan
         elif math.isnan(unit.since_s):
             unit.since_s = now
         rival: int | None = None
-        if found is not None:
-            c, w = 2 * imu + mode, found[0]
-            evidence = name_axis(b.L[c, w], b.Y[c, w], float(b.start_nis[c, w]))
-            close = evidence.margin < MARGIN_NATS and evidence.axis == found[1]
-            rival = evidence.rival if close else None
-            if close and now - unit.since_s < MARGIN_WAIT_S:
+        if found is not None and found.margin < MARGIN_NATS:
+            rival = found.rival
+            if now - unit.since_s < MARGIN_WAIT_S:
                 return []
         for k, axis in enumerate(unit.axes):
             if k != named and axis.latch.state is not LatchState.FAULTY:
@@ -633,11 +645,11 @@ class Judge:
         b: bank.Bank,
         imu: int,
         mode: int,
-        found: tuple[int, int, float, float],
+        found: Found,
         rival: int | None,
         now: float,
     ) -> list[Verdict]:
-        w, k, size, z = found
+        w, k, size, z = found.window, found.axis, found.fault, found.z
         axis = self._units[imu].axes[k]
         axis.test = "lone"
         axis.base = float(b.x[2 * imu, F_ACC + k])
@@ -666,10 +678,8 @@ class Judge:
         self._fold(b, imu, mode, found, now)
         return [verdict]
 
-    def _fold(
-        self, b: bank.Bank, imu: int, mode: int, found: tuple[int, int, float, float], now: float
-    ) -> None:
-        w, k, _, _ = found
+    def _fold(self, b: bank.Bank, imu: int, mode: int, found: Found, now: float) -> None:
+        w, k = found.window, found.axis
         chosen = np.zeros(6)
         chosen[k] = 1.0
         for m in (INS, ATT):
