@@ -24,7 +24,7 @@ from links import catalog
 from links.catalog import Source
 from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
 from links.mavlink.dialect import load_dialect
-from links.mavlink.framing import Framer, Frames
+from links.mavlink.framing import NO_STAMP, Framer, Frames
 from links.mavlink.options import Counters, DecoderOptions, Vehicle
 from links.mavlink.rows import build_rows, gather_payloads, instances
 from links.ranking import Candidate, SourceRanking
@@ -34,6 +34,7 @@ from links.vocabulary import Rejection
 __all__ = ["Decoder"]
 
 _AUTOPILOT_INVALID = 8
+_PAIRED = 500  # stamps that tell how Unix time stands to vehicle time
 _REORDERED = 128  # a sequence number this far ahead is rather one from behind
 _INTEGER_PARAM_TYPES = 6  # MAV_PARAM_TYPE_UINT8 ... INT32 are 1 ... 6
 
@@ -83,8 +84,8 @@ class Decoder:
     host_us
         Host time given with the last ``feed`` [us], or None.
     first_stamp
-        Vehicle time of the first frame that drives the clock, and that frame's Unix stamp in a log
-        (``NO_STAMP`` without one) [us]; None before it.
+        Vehicle time of the first frame that drives the clock, and the Unix time to it by the median
+        of the first stamps of a log (``NO_STAMP`` without any) [us]; None before it.
 
     Raises
     ------
@@ -274,7 +275,10 @@ class Decoder:
         if not driving.any():
             return False
         at = int(np.argmax(driving))
-        self.first_stamp = int(raw[at]), int(frames.stamp_us[at])
+        paired = np.flatnonzero(driving & (frames.stamp_us != NO_STAMP))[:_PAIRED]
+        ahead = frames.stamp_us[paired] - raw[paired]
+        unix_us = int(raw[at]) + int(np.median(ahead)) if len(paired) else NO_STAMP
+        self.first_stamp = int(raw[at]), unix_us
         self._clock.prime(self.first_stamp[0])
         return True
 
