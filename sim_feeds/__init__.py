@@ -36,5 +36,8 @@ Arrays for the papers' estimators, without MAVLink::
     )
 
 A healthy experiment has no faults: ``lu2016_experiment(faults=[])``, ``wan_experiment([])``.
+The flights are open loop: the aircraft flies its plan whatever its sensors say, as in the open-loop
+validation of lu2016 section 3.2; no autopilot steers on a faulty reading.
+
 Everything random follows from ``seed``; the same seed gives the same bits.
 """
