@@ -18,6 +18,7 @@ nrz           x + fraction times the reading at the onset (non-return to zero)
 scale         x (1 + fraction)
 icing         x (1 - rate t), at least a tenth of x: ice slowly closes the opening
 dropout       no data
+outage        of a satellite receiver: messages go on, without a fix (see sensors.Gps)
 dead          0
 ============  =====================================================================================
 """
@@ -63,6 +64,7 @@ class FaultKind(StrEnum):
     SCALE = "scale"
     ICING = "icing"
     DROPOUT = "dropout"
+    OUTAGE = "outage"
     DEAD = "dead"
     PITOT_BLOCKED = "pitot-blocked"
     PITOT_DRAINING = "pitot-draining"
@@ -76,6 +78,7 @@ class FaultKind(StrEnum):
 
 _SEEN_AS: Final = {
     FaultKind.JAMMING: Kind.STUCK,
+    FaultKind.OUTAGE: Kind.DROPOUT,
     FaultKind.NRZ: Kind.BIAS,
     FaultKind.ICING: Kind.SCALE,
     FaultKind.DEAD: Kind.STUCK,

@@ -263,13 +263,13 @@ def _satellites(flight: Flight) -> Iterator[Sending]:
     spec = flight.scenario.gps
     for i in range(min(spec.count, 2)):
         s = flight.readings[f"gps{i}"]
-        lat, lon, height, north, east, _ = s.values.T
+        lat, lon, height, north, east, _, fix = s.values.T
         speed = np.hypot(north, east)
         course = np.degrees(np.arctan2(east, north)) % 360.0
         alt = _whole(height * 1000.0, -2e9, 2e9)
         head = [
             _boot(flight, s.stamp_s, US),
-            dialect.GPS_FIX_TYPE_3D_FIX,
+            np.where(fix > 0.0, dialect.GPS_FIX_TYPE_3D_FIX, dialect.GPS_FIX_TYPE_NO_FIX),
             _whole(np.degrees(lat) * 1e7, -9e8, 9e8),
             _whole(np.degrees(lon) * 1e7, -18e8, 18e8),
             alt,

@@ -120,8 +120,10 @@ class FaultEntry(Strict):
         quantity = self.quantity
         if self.end_s is not None and self.end_s <= self.start_s:
             raise ValueError(f"end_s {self.end_s:g} is not after start_s {self.start_s:g}")
-        if not quantity and self.kind is not FaultKind.DROPOUT:
+        if not quantity and self.kind not in (FaultKind.DROPOUT, FaultKind.OUTAGE):
             raise ValueError(f"{self.sensor} as a whole can only drop out; name one of its axes")
+        if self.kind is FaultKind.OUTAGE and not re.fullmatch(r"gps[01]", self.sensor):
+            raise ValueError("an outage is a fault of gps0 or gps1")
         if self.kind in PLUMBING and quantity != "airspeed":
             raise ValueError(f"{self.kind} is a fault of an airspeed sensor's tubes")
         fitting = _UNITS.get(quantity, {})

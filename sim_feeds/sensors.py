@@ -260,7 +260,8 @@ class Gps(Instrument):
     """Satellite receiver: late, with slowly varying position error.
 
     Its stamp is when the autopilot received the solution, ``stamp_delay_s`` after it was valid; the
-    message follows ``latency_s`` after validity.
+    message follows ``latency_s`` after validity. In an outage ArduPilot goes on sending: without a
+    fix, with a frozen stamp and position, and with a velocity that wanders.
     """
 
     rate_hz: float = Field(5.0, gt=0.0, le=20.0, description="Solutions per second.")
@@ -275,7 +276,7 @@ class Gps(Instrument):
     satellites: int = Field(16, ge=0, le=60, description="Number used.")
 
     def sample(self, truth: Truth, index: int, faults: Sequence[Fault], seed: int) -> Series:
-        """Columns latitude, longitude [rad], height [m], velocity N E D [m/s]."""
+        """Columns latitude, longitude [rad], height [m], velocity N E D [m/s], 1 with a fix."""
         name = f"gps{index}"
         rng = stream(seed, name)
         when = self.times(truth.t_s[-1], rng)
@@ -300,12 +301,22 @@ class Gps(Instrument):
                 here.lon_rad + error[:, 1] / (radius * np.cos(here.lat_rad)),
                 here.height_m + error[:, 2],
                 vel,
+                np.ones(len(t)),
             ]
         )
-        return _without(faults, name, Series(t, when.stamp_s, when.sent_s, values))
+        stamp = when.stamp_s.copy()
+        for fault in faults:
+            on = np.flatnonzero(fault.active(t))
+            if fault.sensor == name and fault.kind is FaultKind.OUTAGE and len(on):
+                last = max(on[0] - 1, 0)
+                stamp[on], values[on, :3] = stamp[last], values[last, :3]
+                values[on, 3:6] += OUTAGE_WANDER_M_S * rng.standard_normal((len(on), 3))
+                values[on, 6] = 0.0
+        return _without(faults, name, Series(t, stamp, when.sent_s, values))
 
 
 SLOW_GPS_S: Final = 60.0
+OUTAGE_WANDER_M_S: Final = 2.0
 GPS_AXES: Final = ("vel_n", "vel_e", "vel_d")
 
 

@@ -60,7 +60,7 @@ def test_noise_has_its_size_and_stays_inside():
 
 
 def test_every_kind_is_covered_and_has_a_word_in_the_vocabulary():
-    assert set(SHAPES) | {FaultKind.NOISE} | PLUMBING == set(FaultKind)
+    assert set(SHAPES) | {FaultKind.NOISE, FaultKind.OUTAGE} | PLUMBING == set(FaultKind)
     assert all(isinstance(kind.seen_as, Kind) for kind in FaultKind)
 
 

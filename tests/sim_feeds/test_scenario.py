@@ -115,6 +115,7 @@ def fault(line: str) -> str:
             fault('sensor = "baro0"\nkind = "pitot-blocked"\nstart_s = 3.0'),
             "airspeed sensor's tubes",
         ),
+        (fault('sensor = "imu0"\nkind = "outage"\nstart_s = 3.0'), "fault of gps0"),
         (MINIMAL + "[autopilot]\nattitude_follows_imu = 2\n", "imu.count = 2"),
         (MINIMAL + "[imu]\ncount = 4\n", "highres"),
     ],

@@ -99,9 +99,9 @@ def test_random_loss(truth):
 
 def test_gps_velocity_is_the_truth_at_validity(truth):
     s = Gps(velocity_std_m_s=0.0, slow_velocity_std_m_s=0.0).sample(truth, 0, [], 0)
-    np.testing.assert_allclose(s.values[:, 3:], truth.at(s.valid_s).vel_ned_m_s, atol=1e-12)
+    np.testing.assert_allclose(s.values[:, 3:6], truth.at(s.valid_s).vel_ned_m_s, atol=1e-12)
     at_arrival = truth.at(np.minimum(s.sent_s, truth.t_s[-1])).vel_ned_m_s
-    assert np.abs(s.values[:, 3:] - at_arrival).max() > 0.5, "the latency shows in turns"
+    assert np.abs(s.values[:, 3:6] - at_arrival).max() > 0.5, "the latency shows in turns"
 
 
 def test_pitots_differ_and_agree_with_the_airspeed(truth):
@@ -169,6 +169,19 @@ def test_dropout_stops_the_data(truth, sensor, instrument):
     gap = np.diff(s.valid_s).max()
     assert gap == pytest.approx(15.0, abs=2.0 / instrument.rate_hz)
     assert not fault.active(s.valid_s).any()
+
+
+def test_gps_outage_freezes_stamp_and_position_but_not_the_velocity(truth):
+    fault = Fault("gps0", FaultKind.OUTAGE, 30.0, 40.0)
+    s = Gps().sample(truth, 0, [fault], 0)
+    healthy = Gps().sample(truth, 0, [], 0)
+    on = fault.active(s.valid_s)
+    assert len(s.valid_s) == len(healthy.valid_s)
+    assert np.ptp(s.stamp_s[on]) == 0.0
+    assert np.ptp(s.values[on, :3], axis=0).max() == 0.0
+    assert np.ptp(s.values[on, 3]) > 2.0
+    assert not s.values[on, 6].any()
+    np.testing.assert_array_equal(s.values[~on], healthy.values[~on])
 
 
 def attitude_error_deg(truth: Truth, pilot: Autopilot, faults: list[Fault]) -> tuple:
