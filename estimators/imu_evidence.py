@@ -11,7 +11,8 @@ l(f)       log likelihood of the fault f against none, ``y f - f L f / 2`` scala
 
 With a single faulty axis the largest z names it, over all windows: each is one hypothesis of the
 onset (the generalised likelihood ratio). Of two IMUs that differ by d, either the one has the
-fault d or the other has -d: the difference of the two log likelihoods decides, or says that nothing is known yet.
+fault d or the other has -d: the difference of the two log likelihoods decides, or says that
+nothing is known yet.
 
 Source: Willsky and Jones 1976 (generalised likelihood ratio); lu2016 eq. (45)-(52) give y and L.
 """

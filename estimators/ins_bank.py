@@ -236,10 +236,31 @@ def restart_windows(b: Bank, c: int, t: float) -> None:
 
 @kernel
 def mark(b: Bank, t: float) -> None:
-    """Start the last window of every filter: two IMUs have just begun to disagree."""
+    """Start the last window of every filter: two IMUs have just begun to disagree.
+
+    Its columns are not unit steps but the course that :func:`drive` gives each fault.
+    """
+    w = b.start_s.shape[1] - 1
     for c in range(b.x.shape[0]):
         if not math.isnan(b.aligned_s[c]):
-            _restart(b, c, b.start_s.shape[1] - 1, t)
+            _restart(b, c, w, t)
+            b.F[c, w] = 0.0
+
+
+@kernel
+def drive(b: Bank, imu: int, change: Array) -> None:
+    """Let the faults that the last window supposes of an IMU change by this much now.
+
+    Parameters
+    ----------
+    b : Bank
+    imu : int
+    change : (6,) float64 [m/s^2, rad/s]
+    """
+    w = b.start_s.shape[1] - 1
+    for c in range(2 * imu, 2 * imu + 2):
+        for k in range(6):
+            b.F[c, w, F_ACC + k, k] += change[k]
 
 
 @kernel

@@ -34,6 +34,8 @@ __all__ = ["Judge"]
 Array = NDArray[np.float64]
 US = 1_000_000
 
+MARK_S = 10.0
+"""A difference that began and came to nothing within this time is forgotten."""
 LIVE_S = 0.5
 """An IMU silent for longer takes no part in any comparison."""
 SUSPICION_SIGMA = 3.5
@@ -132,7 +134,8 @@ class Judge:
             for j in range(i + 1, n)
         }
         self._contradicted_s = -math.inf
-        self._marked = False
+        self._marked_s = -math.inf
+        self._driven: Array | None = None
         self._origin_s = math.nan
         self.busy = True
 
@@ -196,13 +199,19 @@ class Judge:
         self._contradicted_s = -math.inf
 
     def _wants_more(self) -> bool:
-        return any(
-            a.latch.state is not LatchState.OK or (u.seen and a.said != (State.OK, None))
-            for u in self._units
-            for a in u.axes
-            if not (a.said is not None and a.said[1] is Reason.ON_GROUND)
-        ) or any(
-            latch.state is not LatchState.OK for p in self._pairs.values() for latch in p.latches
+        return (
+            self._driven is not None
+            or any(
+                a.latch.state is not LatchState.OK or (u.seen and a.said != (State.OK, None))
+                for u in self._units
+                for a in u.axes
+                if not (a.said is not None and a.said[1] is Reason.ON_GROUND)
+            )
+            or any(
+                latch.state is not LatchState.OK
+                for p in self._pairs.values()
+                for latch in p.latches
+            )
         )
 
     # -- 1: what needs no reference ----------------------------------------------------------------
@@ -329,7 +338,7 @@ class Judge:
                     pair.undecided[k] = False
                     if not loud:
                         pair.onset_s[k] = math.nan
-        self._mark(b, fresh, now)
+        self._mark(b, whole, fresh, now)
         for pair_key, axes in alarms.items():
             out += self._blame(b, whole, pair_key, axes, alarms, reasons, now)
         return out
@@ -341,14 +350,27 @@ class Judge:
                 return imu
         return None
 
-    def _mark(self, b: bank.Bank, fresh: bool, now: float) -> None:
-        """Start the window of the arbitration when a difference begins, not while one is judged."""
+    def _mark(self, b: bank.Bank, whole: list[int], fresh: bool, now: float) -> None:
+        """Suppose the difference of two IMUs, as it goes, to be the fault of either.
+
+        The window of the arbitration starts when a difference begins, not while one is judged.
+        """
         pending = any(
             latch.state is LatchState.FAULTY for p in self._pairs.values() for latch in p.latches
         )
         if fresh and not pending:
             bank.mark(b, now)
-            self._marked = True
+            self._driven = np.zeros(6)
+            self._marked_s = now
+        elif not pending and now - self._marked_s > MARK_S:
+            self._driven = None
+        if self._driven is None or len(whole) != 2:
+            return
+        i, j = whole
+        d = b.pair[i, j, difference.D_MEAN].copy()
+        bank.drive(b, i, d - self._driven)
+        bank.drive(b, j, self._driven - d)
+        self._driven = d
 
     def _blame(
         self,
@@ -392,8 +414,8 @@ class Judge:
         f = np.zeros(6)
         f[left] = size[left]
         score = 0.0
-        if reasons.get(i) is None and reasons.get(j) is None and self._marked:
-            score = self._score(b, i, j, f)
+        if reasons.get(i) is None and reasons.get(j) is None and self._driven is not None:
+            score = self._score(b, i, j, left)
         limit = self._set.arbitration_nats
         if abs(score) > limit:
             guilty, other = (i, j) if score > 0 else (j, i)
@@ -426,18 +448,20 @@ class Judge:
                 return suspect
         return None
 
-    def _score(self, b: bank.Bank, i: int, j: int, f: Array) -> float:
-        """Log likelihood of "imu i has the fault f" against "imu j has -f"."""
+    def _score(self, b: bank.Bank, i: int, j: int, axes: list[int]) -> float:
+        """Log likelihood of "their difference is the fault of i" against "of j"."""
+        whose = np.zeros(6)
+        whose[axes] = 1.0
         modes = (INS, ATT) if self._set.attitude_independent else (INS,)
         best = 0.0
         for mode in modes:
             score = 0.0
-            for imu, fault, sign in ((i, f, 1.0), (j, -f, -1.0)):
+            for imu, sign in ((i, 1.0), (j, -1.0)):
                 c = 2 * imu + mode
                 if math.isnan(b.start_s[c, -1]):
                     return 0.0
                 nis = min(b.start_nis[2 * i + mode, -1], b.start_nis[2 * j + mode, -1])
-                score += sign * log_likelihood(b.L[c, -1], b.Y[c, -1], fault, nis)
+                score += sign * log_likelihood(b.L[c, -1], b.Y[c, -1], whose, nis)
             if abs(score) > abs(best):
                 best = score
         return best
@@ -458,6 +482,7 @@ class Judge:
     ) -> list[Verdict]:
         out = []
         baro = now - b.ref[bank.R_T_BARO] < REFERENCE_GAP_S
+        onset_s = now
         for k in axes:
             axis = self._units[imu].axes[k]
             since = pair.latches[k].since_us or round(now * US)
@@ -503,7 +528,7 @@ class Judge:
                     each.latches[k].reset()
                     each.undecided[k] = False
                     each.onset_s[k] = math.nan
-        self._take(b, imu, axes, f, now)
+        self._take(b, imu, axes, f, onset_s, now)
         return out
 
     def _kind(self, b: bank.Bank, imu: int, k: int, age_s: float) -> Kind:
@@ -520,7 +545,9 @@ class Judge:
                 return Kind.DRIFT if age_s > 3.0 and fast > 1.15 * slow else Kind.BIAS
         return Kind.BIAS
 
-    def _take(self, b: bank.Bank, imu: int, axes: list[int], f: Array, now: float) -> None:
+    def _take(
+        self, b: bank.Bank, imu: int, axes: list[int], f: Array, onset_s: float, now: float
+    ) -> None:
         """Fold a called fault into both filters of its IMU."""
         chosen = np.zeros(6)
         chosen[axes] = 1.0
@@ -529,9 +556,8 @@ class Judge:
             if math.isnan(b.aligned_s[c]):
                 b.x[c, F_ACC : F_ACC + 6] += chosen * f
                 continue
-            w = b.start_s.shape[1] - 1
-            if math.isnan(b.start_s[c, w]):
-                w = 0
+            before = np.where(b.start_s[c, :-1] <= onset_s, b.start_s[c, :-1], -math.inf)
+            w = int(np.argmax(before)) if before.max() > -math.inf else 0
             bank.accept(b, c, w, chosen, f, TRACK_STD, now)
             for k in axes:
                 b.qf[c, k] = RAISED_DENSITY[k] ** 2
