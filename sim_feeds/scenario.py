@@ -234,7 +234,13 @@ class Scenario(Strict):
         follows = self.autopilot.attitude_follows_imu
         if follows is not None and follows >= self.imu.count:
             raise ValueError(f"attitude_follows_imu = {follows}, but imu.count = {self.imu.count}")
-        self.plan()
+        end_s = self.plan().time_s
+        for f in self.fault:
+            if f.start_s >= end_s:
+                raise ValueError(
+                    f"fault on {f.sensor} begins at {f.start_s:g} s, but the flight of this "
+                    f"{self.aircraft} ends at {end_s:.0f} s"
+                )
         return self
 
     def plan(self) -> FlightPlan:

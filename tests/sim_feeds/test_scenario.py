@@ -116,6 +116,7 @@ def fault(line: str) -> str:
             "airspeed sensor's tubes",
         ),
         (fault('sensor = "imu0"\nkind = "outage"\nstart_s = 3.0'), "fault of gps0"),
+        (fault('sensor = "airspeed0"\nkind = "dead"\nstart_s = 9.0'), "small-uav ends at 4 s"),
         (MINIMAL + "[autopilot]\nattitude_follows_imu = 2\n", "imu.count = 2"),
         (MINIMAL + "[imu]\ncount = 4\n", "highres"),
     ],
