@@ -74,7 +74,8 @@ class SourceRanking:
             only = candidates[0]
             if not only.source.synthetic:
                 if len(only.rows):
-                    spoke[only.rank] = int(only.rows["t_us"][-1])
+                    newest = int(only.rows["t_us"].max())
+                    spoke[only.rank] = max(newest, spoke.get(only.rank, _NEVER))
                 return candidates
         chosen = []
         for c in candidates:
@@ -86,7 +87,8 @@ class SourceRanking:
             for b in candidates:
                 if b.rank < c.rank and len(b.frame):
                     before = np.searchsorted(b.frame, c.frame) - 1
-                    latest = np.where(before >= 0, b.rows["t_us"][np.maximum(before, 0)], _NEVER)
+                    newest_us = np.maximum.accumulate(b.rows["t_us"])
+                    latest = np.where(before >= 0, newest_us[np.maximum(before, 0)], _NEVER)
                     np.maximum(better, latest, out=better)
             silent = better == _NEVER
             if c.source.synthetic:
@@ -96,5 +98,5 @@ class SourceRanking:
             chosen.append(c if use.all() else c.take(use))
         for c in candidates:
             if len(c.rows):
-                spoke[c.rank] = max(int(c.rows["t_us"][-1]), spoke.get(c.rank, _NEVER))
+                spoke[c.rank] = max(int(c.rows["t_us"].max()), spoke.get(c.rank, _NEVER))
         return chosen

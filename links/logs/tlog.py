@@ -51,7 +51,7 @@ class LogInfo:
         Checked frames of all systems; bytes that belonged to no frame.
     first_t_us, last_t_us
         Vehicle time of the log's first record and newest vehicle time [us]. The first record may
-        have no time of its own; then the Unix stamps tell how long before the first that has
+        have no time of its own; the Unix stamps tell how long it was before those that have
         (negative when the record is older than the vehicle's boot).
     start_unix_us, end_unix_us
         First and last Unix stamp [us], None without one.
@@ -133,11 +133,10 @@ class TlogReader:
             for sensor, used in decoder.sources.items()
         }
         self._note_stamps(decoder.frames.stamp_us)
-        if decoder.first_stamp is not None:
-            t_us, unix_us = decoder.first_stamp
-            known = unix_us != NO_STAMP and info.start_unix_us is not None
-            before = unix_us - (info.start_unix_us or 0) if known else 0
-            info.first_t_us = t_us - max(before, 0)
+        info.first_t_us = decoder.first_t_us or 0
+        offset = decoder.t_us_of_unix_zero
+        if offset is not None and info.start_unix_us is not None:
+            info.first_t_us = min(info.start_unix_us + offset, info.first_t_us)
         return batch
 
     def _note_stamps(self, stamps: NDArray[np.int64]) -> None:

@@ -83,9 +83,8 @@ class Decoder:
         Frames of the last ``feed``, for who needs the stamps of a log.
     host_us
         Host time given with the last ``feed`` [us], or None.
-    first_stamp
-        Vehicle time of the first frame that drives the clock, and the Unix time to it by the median
-        of the first stamps of a log (``NO_STAMP`` without any) [us]; None before it.
+    first_t_us
+        Vehicle time of the first frame that drives the clock [us]; None before it.
 
     Raises
     ------
@@ -102,7 +101,6 @@ class Decoder:
         self._held: Frames | None = Frames.at(b"", [])
         self._system = -1
         self._seq = 0
-        self._first_t_us: int | None = None
         self._ratio: dict[int, float] = {}
         self._sequence: dict[int, int] = {}
         self._sources: dict[int, list[_Entry]] = {}
@@ -119,7 +117,8 @@ class Decoder:
         self.sources: dict[str, Counter[str]] = {}
         self.frames = Frames.at(b"", [])
         self.host_us: int | None = None
-        self.first_stamp: tuple[int, int] | None = None
+        self.first_t_us: int | None = None
+        self._leads: list[int] = []
 
     # ------------------------------------------------------------------ public
 
@@ -136,6 +135,14 @@ class Decoder:
     def clock(self) -> VehicleClock:
         """The vehicle's clock, to read."""
         return self._clock
+
+    @property
+    def t_us_of_unix_zero(self) -> int | None:
+        """Vehicle time minus a log's stamp, median of its first frames [us]; None without stamps.
+
+        The median, because some recorders stamp their first frames with a time that is too early.
+        """
+        return sorted(self._leads)[len(self._leads) // 2] if self._leads else None
 
     # ------------------------------------------------------------------ set-up
 
@@ -269,17 +276,11 @@ class Decoder:
             (frames.system == self._system) & (frames.component == self.options.autopilot_component)
         )
         kind, raw, _ = self._read_stamps(len(frames), self._groups(frames))
-        driving = (
-            ((kind == Stamp.BOOT_MS) | (kind == Stamp.USEC)) & (raw > 0) & (raw < UNIX_FROM_US)
-        )
+        driving = _driving(kind, raw)
         if not driving.any():
             return False
-        at = int(np.argmax(driving))
-        paired = np.flatnonzero(driving & (frames.stamp_us != NO_STAMP))[:_PAIRED]
-        ahead = frames.stamp_us[paired] - raw[paired]
-        unix_us = int(raw[at]) + int(np.median(ahead)) if len(paired) else NO_STAMP
-        self.first_stamp = int(raw[at]), unix_us
-        self._clock.prime(self.first_stamp[0])
+        self.first_t_us = int(raw[np.argmax(driving)])
+        self._clock.prime(self.first_t_us)
         return True
 
     # ------------------------------------------------------------------ rows
@@ -332,8 +333,9 @@ class Decoder:
         kind[~from_autopilot] = Stamp.NONE
         unix = {i: u for i, u in unix.items() if from_autopilot[i]}
         times = self._clock.advance(kind, raw, frames.message, unix)
-        if self._first_t_us is None and times.ok.any():
-            self._first_t_us = int(times.t_us[np.argmax(times.ok)])
+        if self.first_t_us is None and times.ok.any():
+            self.first_t_us = int(times.t_us[np.argmax(times.ok)])
+        self._note_leads(kind, raw, times, frames)
         ratios = self._ratios(groups, from_autopilot)
         block = _Block(None if from_autopilot.all() else frames.component, times, ratios, rejected)
         offers: dict[str, list[Candidate]] = {}
@@ -347,6 +349,20 @@ class Decoder:
                 for sensor, candidate in self._offers(entry, index, payload, block):
                     offers.setdefault(sensor, []).append(candidate)
         return self._number(offers)
+
+    def _note_leads(
+        self,
+        kind: NDArray[np.int64],
+        raw: NDArray[np.int64],
+        times: ClockResult,
+        frames: Frames,
+    ) -> None:
+        """Keep how far the clock is ahead of a log's stamps, for the first of its frames."""
+        wanted = _PAIRED - len(self._leads)
+        if wanted > 0 and frames.stamp_us.max(initial=NO_STAMP) > NO_STAMP:
+            use = _driving(kind, raw) & times.ok & (frames.stamp_us != NO_STAMP)
+            lead = times.t_us[use] - frames.stamp_us[use]
+            self._leads += lead[:wanted].tolist()
 
     def _offers(
         self, entry: _Entry, index: NDArray[np.int64], payload: Rows, block: _Block
@@ -402,7 +418,7 @@ class Decoder:
 
     def _number(self, offers: Mapping[str, list[Candidate]]) -> dict[str, Rows]:
         """Pick each sensor's rows and number all of them in arrival order."""
-        first = self._first_t_us or 0
+        first = self.first_t_us or 0
         picked: dict[str, list[Candidate]] = {}
         for sensor, candidates in offers.items():
             chosen = [c for c in self._select.select(sensor, candidates, first) if len(c.rows)]
@@ -470,6 +486,13 @@ class Decoder:
         bits = np.ascontiguousarray(payload["param_value"]).view("<i4")
         payload["param_value"] = np.where(integer, bits, payload["param_value"])
         return payload
+
+
+def _driving(kind: NDArray[np.int64], raw_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which stamps drive the clock."""
+    boot = (kind == Stamp.BOOT_MS) | (kind == Stamp.USEC)
+    driving: NDArray[np.bool_] = boot & (raw_us > 0) & (raw_us < UNIX_FROM_US)
+    return driving
 
 
 def _tally(values: NDArray[np.int64]) -> list[tuple[int, int]]:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from links import catalog
@@ -415,6 +415,7 @@ def test_rows_are_numbered_in_arrival_order_without_holes(decode, noisy_stream):
     st.lists(st.integers(0, 8000), max_size=60),
     st.sampled_from([8192, 5]),
 )
+@example(383, [951], 8192)  # rows of one source out of time order
 def test_where_the_bytes_are_cut_changes_no_sample(
     noisy_stream, decode, same_batch, seed, cuts, hold_back
 ):

@@ -143,6 +143,16 @@ def test_written_logs_are_read_back(log_file, flight):
     assert pymavlink_counts(log_file) == {"SCALED_IMU": 400, "HEARTBEAT": 40}
 
 
+def test_the_first_record_has_the_time_that_most_stamps_agree_on(log_file, flight):
+    with TlogWriter(log_file) as writer:  # like a recorder that does not know the time yet
+        for unix_us, frame in flight[:5]:
+            writer.write(frame, unix_us - 2_000_000)
+        for unix_us, frame in flight[5:]:
+            writer.write(frame, unix_us)
+    assert totals(log_file)[1].info.first_t_us == 3_000_000
+    assert totals(log_file, chunk=100)[1].info.first_t_us == 3_000_000
+
+
 def test_gaps_of_the_recording_are_listed(log_file, flight):
     with TlogWriter(log_file) as writer:
         for unix_us, frame in flight[:100] + flight[200:]:
