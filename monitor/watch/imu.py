@@ -71,7 +71,6 @@ class ImuWatch:
         self._tuning = tuning_of(settings)
         self._bank = bank.make_bank(bank.MAX_IMUS, self._tuning)
         self._judge = Judge(settings, self._tuning)
-        self._origin_us: int | None = None
         self._gps: str | None = None
         self._alive: set[str] = set()
 
@@ -92,8 +91,7 @@ class ImuWatch:
             )
             if self._bank.clock[bank.C_STOPPED] == 1.0:
                 self._bank.clock[bank.C_STOPPED] = 0.0
-                origin_s = (self._origin_us or 0) * 1e-6
-                result.verdicts += self._judge.decide(self._bank, origin_s)
+                result.verdicts += self._judge.decide(self._bank)
                 bank.roll(self._bank, self._tuning, float(self._bank.clock[bank.C_NOW]))
         self._estimate(ticks[: int(used[0])], result)
         return result
@@ -103,10 +101,6 @@ class ImuWatch:
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]] | None:
         """One stream in (time, arrival) order of all rows that the filters use."""
         parts = []
-        if self._origin_us is None:
-            self._origin_us = min(
-                (int(r["t_us"][0]) for r in rows.values() if len(r)), default=None
-            )
         for sensor, new in rows.items():
             if len(new) == 0:
                 continue

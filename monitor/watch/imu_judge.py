@@ -34,6 +34,8 @@ __all__ = ["Judge"]
 Array = NDArray[np.float64]
 US = 1_000_000
 
+BRIEF_S = 1.0
+"""A difference that has been quiet for this long is not judged any more."""
 MARK_S = 10.0
 """A difference that began and came to nothing within this time is forgotten."""
 LIVE_S = 0.5
@@ -126,23 +128,22 @@ class Judge:
         self._size = np.array([settings.acc_size_m_s2] * 3 + [settings.gyro_size_rad_s] * 3)
         confirm, clear = round(settings.confirm_s * US), round(settings.clear_s * US)
         self._rule = LatchRule(confirm, clear, round(0.3 * US))
+        brief = LatchRule(confirm, round(BRIEF_S * US), round(0.3 * US))
         n = bank.MAX_IMUS
         self._units = [Unit([Axis(Latch(self._rule)) for _ in range(6)]) for _ in range(n)]
         self._pairs = {
-            (i, j): Pair([Latch(self._rule) for _ in range(6)])
+            (i, j): Pair([Latch(brief) for _ in range(6)])
             for i in range(n)
             for j in range(i + 1, n)
         }
         self._contradicted_s = -math.inf
         self._marked_s = -math.inf
         self._driven: Array | None = None
-        self._origin_s = math.nan
         self.busy = True
 
-    def decide(self, b: bank.Bank, origin_s: float) -> list[Verdict]:
-        """Judge at the tick at which the bank stands; ``origin_s`` is the zero of the sentences."""
+    def decide(self, b: bank.Bank) -> list[Verdict]:
+        """Judge at the tick at which the bank stands."""
         now = float(b.clock[bank.C_NOW])
-        self._origin_s = origin_s
         b.clock[bank.C_CHANGED] = 0.0
         for i, unit in enumerate(self._units):
             unit.seen = unit.seen or not math.isnan(b.sample[i, 0])
@@ -331,7 +332,7 @@ class Judge:
                     and abs(float(m[lag, k])) > self._size[k]
                 )
                 latch = pair.latches[k]
-                latch.step(round(now * US), alarm, sigma < 0.5 * self._set.difference_sigma)
+                latch.step(round(now * US), alarm, not loud)
                 if latch.state is LatchState.FAULTY:
                     alarms.setdefault(pair_key, []).append(k)
                 elif latch.state is LatchState.OK:
@@ -417,7 +418,7 @@ class Judge:
         if reasons.get(i) is None and reasons.get(j) is None and self._driven is not None:
             score = self._score(b, i, j, left)
         limit = self._set.arbitration_nats
-        if abs(score) > limit:
+        if abs(score) > limit and (np.abs(f[left]) > self._size[left]).all():
             guilty, other = (i, j) if score > 0 else (j, i)
             sign = 1.0 if guilty == i else -1.0
             out += self._call(
@@ -493,9 +494,9 @@ class Judge:
             axis.test = "difference"
             axis.base = float(b.x[2 * imu, F_ACC + k])
             kind = self._kind(b, imu, k, now - onset_s)
-            since_s = onset_s - self._origin_s
+            held_s = now - onset_s
             text = (
-                words.vote_sentence(imu, k, f[k], kind, since_s)
+                words.vote_sentence(imu, k, f[k], kind, held_s)
                 if vote
                 else words.pair_sentence(
                     imu,
@@ -503,7 +504,7 @@ class Judge:
                     k,
                     f[k],
                     kind,
-                    since_s,
+                    held_s,
                     attitude=self._set.attitude_independent,
                     baro=baro,
                 )
@@ -684,7 +685,7 @@ class Judge:
             imu,
             k,
             size,
-            onset_s - self._origin_s,
+            now - onset_s,
             rival,
             attitude=mode == ATT,
             baro=now - b.ref[bank.R_T_BARO] < REFERENCE_GAP_S,

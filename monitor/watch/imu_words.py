@@ -60,7 +60,7 @@ def pair_sentence(
     axis: int,
     size: float,
     kind: Kind,
-    since_s: float,
+    held_s: float,
     *,
     attitude: bool,
     baro: bool,
@@ -68,15 +68,15 @@ def pair_sentence(
     """Two IMUs differ and the references side with one of them."""
     return (
         f"{_reference(attitude, baro)} agree with imu{other} and not with imu{imu}: "
-        f"{GYRO_ACC_AXES[axis]} {shown(axis, size)}{_SHAPES.get(kind, '')} since {since_s:.1f} s"
+        f"{GYRO_ACC_AXES[axis]} {shown(axis, size)}{_SHAPES.get(kind, '')} for {held_s:.1f} s"
     )
 
 
-def vote_sentence(imu: int, axis: int, size: float, kind: Kind, since_s: float) -> str:
+def vote_sentence(imu: int, axis: int, size: float, kind: Kind, held_s: float) -> str:
     """Most IMUs agree and one does not."""
     return (
         f"the other IMUs agree with each other and not with imu{imu}: {GYRO_ACC_AXES[axis]} "
-        f"{shown(axis, size)}{_SHAPES.get(kind, '')} since {since_s:.1f} s"
+        f"{shown(axis, size)}{_SHAPES.get(kind, '')} for {held_s:.1f} s"
     )
 
 
@@ -84,7 +84,7 @@ def lone_sentence(
     imu: int,
     axis: int,
     size: float,
-    since_s: float,
+    held_s: float,
     rival: int | None,
     *,
     attitude: bool,
@@ -93,7 +93,7 @@ def lone_sentence(
     """The only IMU contradicts the references."""
     text = (
         f"{_reference(attitude, baro)} contradict imu{imu}: {GYRO_ACC_AXES[axis]} "
-        f"{shown(axis, size)} since {since_s:.1f} s"
+        f"{shown(axis, size)} for {held_s:.1f} s"
     )
     return text if rival is None else f"{text} (or its pair {GYRO_ACC_AXES[rival]})"
 
