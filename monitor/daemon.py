@@ -46,6 +46,10 @@ class Decoding(Protocol):
         """Rows of the next bytes of the stream."""
         ...
 
+    def finish(self) -> Batch:
+        """Rows of what waited for more bytes: the stream has ended."""
+        ...
+
 
 class Judging(Protocol):
     """What the loop needs of ``monitor.pipeline.Pipeline``."""
@@ -160,11 +164,12 @@ class Daemon:
         return result
 
     def finish(self) -> StepResult:
-        """Judge what still waits behind the watermark, and send what that makes due."""
-        result = self._pipeline.finish()
-        self._publisher.note(result)
+        """Judge what still waits for bytes or the watermark, and send what that makes due."""
+        results = (self._pipeline.feed(self._decoder.finish()), self._pipeline.finish())
+        for result in results:
+            self._publisher.note(result)
         self._send_due()
-        return result
+        return StepResult([v for result in results for v in result.verdicts])
 
     def status(self) -> Status:
         """Counts, silence and latency now."""

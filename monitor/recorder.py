@@ -17,19 +17,14 @@ from monitor.settings.recorder import RecorderSettings
 
 __all__ = ["Recorder", "whole_frames"]
 
-_MAVLINK_2 = 0xFD
-_SIGNED = 0x01
-_STAMP_BYTES, _CHECKSUM_BYTES, _SIGNATURE_BYTES = 8, 2, 13
+_STAMP_BYTES = 8
 _PATTERN = "mavsentry-*.tlog"
 
 
 def whole_frames(frames: Frames) -> Iterator[tuple[bytes, int]]:
-    """Bytes of each frame from its magic to its checksum or signature, and its stamp [us]."""
-    columns = (frames.start, frames.payload, frames.length, frames.stamp_us)
-    for start, payload, length, stamp_us in zip(*(c.tolist() for c in columns), strict=True):
-        end = payload + length + _CHECKSUM_BYTES
-        if frames.data[start] == _MAVLINK_2 and frames.data[start + 2] & _SIGNED:
-            end += _SIGNATURE_BYTES
+    """Bytes of each frame, from its magic to its checksum or signature, and its stamp [us]."""
+    columns = (frames.start, frames.end, frames.stamp_us)
+    for start, end, stamp_us in zip(*(c.tolist() for c in columns), strict=True):
         yield frames.data[start:end], stamp_us
 
 

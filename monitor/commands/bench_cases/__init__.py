@@ -10,7 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-__all__ = ["BenchCase"]
+__all__ = ["BenchCase", "Measured"]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A value that was measured with its own median and 99th percentile of time [us]."""
+
+    value: float
+    median_us: float | None = None
+    p99_us: float | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +55,6 @@ class BenchCase:
     calls: int = 1
     peers: Mapping[str, Callable[[], object]] = field(default_factory=dict)
     note: str = ""
-    value: Callable[[], float] | None = None
+    value: Callable[[], float | Measured] | None = None
     peer_calls: Mapping[str, int] = field(default_factory=dict)
     missing: tuple[str, ...] = ()

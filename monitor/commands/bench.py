@@ -1,0 +1,180 @@
+"""``mavsentry bench``: how fast each part is, and how many times slower its peers are."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from monitor.commands.common import Refused, console, progress
+
+if TYPE_CHECKING:
+    from monitor.commands.bench_cases import BenchCase
+
+__all__ = ["bench"]
+
+FLIGHT = "small-uav-healthy"
+LIVE_IMU_HZ = 200.0
+CIRCUITS_S = 100.0
+"""Least time that the flight's circuits take [s]."""
+
+
+def bench(
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the results here.")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Measure only this; may be given several times."),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="Telemetry log to work on; else a synthetic flight's."),
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.1, help="Time per case, seconds.")] = 4.0,
+    minutes: Annotated[
+        float, typer.Option(min=0.1, help="How long latency_ms watches a live link, minutes.")
+    ] = 0.5,
+) -> None:
+    """Measure medians, 99th percentiles and peers, all in one run, interleaved."""
+    from monitor.commands.timing import machine
+
+    with tempfile.TemporaryDirectory(prefix="mavsentry-bench-") as folder:
+        cases = _cases(only or [], log, Path(folder), minutes)
+        document = {"machine": machine(), **_results(cases, seconds)}
+    if json_file is not None:
+        try:
+            json_file.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise Refused(f"cannot write {json_file}: {error.strerror}") from None
+    _show(document)
+
+
+def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> list[BenchCase]:
+    """All cases, or those asked for.
+
+    Raises
+    ------
+    Refused
+        A name that no case has, or a log that cannot be read.
+    """
+    from monitor.commands.bench_cases import air, imu, links, whole
+
+    log = log or _synthetic(folder)
+    if not log.is_file():
+        raise Refused(f"cannot read {log}")
+    long_flight = partial(_long_flight, folder, 60.0 * minutes)
+    cases = [*imu.cases(), *air.cases(), *links.cases(log), *whole.cases(log, long_flight, minutes)]
+    if not only:
+        return cases
+    unknown = sorted(set(only) - {case.name for case in cases})
+    if unknown:
+        known = ", ".join(case.name for case in cases)
+        raise Refused(f"nothing to measure is called {unknown[0]}; known are {known}")
+    return [case for case in cases if case.name in only]
+
+
+def _synthetic(folder: Path) -> Path:
+    """Telemetry log of a healthy synthetic flight, take-off to landing."""
+    from monitor.commands.feed import write_log
+    from sim_feeds.scenario import load
+
+    file = folder / f"{FLIGHT}.tlog"
+    if not file.exists():
+        write_log(load(FLIGHT).fly(), file)
+    return file
+
+
+def _long_flight(folder: Path, seconds: float) -> Path:
+    """The same flight with IMUs at 200 Hz, as many circuits as the time asks, no landing."""
+    from monitor.commands.feed import write_log
+    from sim_feeds.scenario import load
+
+    def override(table: dict[str, Any]) -> None:
+        table["imu"]["rate_hz"] = LIVE_IMU_HZ
+        flown = [leg for leg in table["leg"] if leg["do"] != "land"]
+        circuits = [leg for leg in flown if leg["do"] in ("turn", "level")]
+        table["leg"] = flown + circuits * math.ceil(seconds / CIRCUITS_S)
+
+    file = folder / f"{FLIGHT}-{seconds:.0f}s.tlog"
+    write_log(load(FLIGHT, override).fly(), file)
+    return file
+
+
+def _results(cases: list[BenchCase], seconds: float) -> dict[str, Any]:
+    results, missing = [], []
+    with progress("measuring") as tell:
+        for i, case in enumerate(cases):
+            tell(i / len(cases))
+            results.append(_measured(case, seconds))
+            missing += [peer for peer in case.missing if peer not in missing]
+    return {"results": results, "missing": missing}
+
+
+def _measured(case: BenchCase, seconds: float) -> dict[str, Any]:
+    """One entry of ``results``."""
+    from monitor.commands.bench_cases import Measured
+    from monitor.commands.timing import interleaved
+
+    result: dict[str, Any] = {
+        "name": case.name,
+        "median_us": None,
+        "p99_us": None,
+        "value": None,
+        "unit": case.unit,
+        "peers": {},
+    }
+    if case.run is not None:
+        timings = interleaved({"": case.run, **case.peers}, seconds)
+        ours = timings.pop("")
+        result["median_us"] = ours.median_us / case.calls
+        result["p99_us"] = ours.p99_us / case.calls
+        result["peers"] = {
+            peer: timing.median_us
+            / case.peer_calls.get(peer, case.calls)
+            / (ours.median_us / case.calls)
+            for peer, timing in timings.items()
+        }
+    note = case.note
+    if case.value is not None:
+        measured = case.value()
+        if isinstance(measured, Measured):
+            result["median_us"], result["p99_us"] = measured.median_us, measured.p99_us
+            note, measured = " ".join(filter(None, (note, measured.note))), measured.value
+        result["value"] = measured
+    if note:
+        result["note"] = note
+    return result
+
+
+def _show(document: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    table = Table(title=f"mavsentry bench on {document['machine']['processor']}")
+    table.add_column("name", no_wrap=True)
+    for column in ("median", "p99", "value"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("peers: times slower", ratio=1)
+    for result in document["results"]:
+        value = result["value"]
+        table.add_row(
+            result["name"],
+            _duration(result["median_us"]),
+            _duration(result["p99_us"]),
+            "" if value is None else f"{value:.4g} {result['unit']}",
+            ", ".join(f"{peer} {ratio:.3g}" for peer, ratio in result["peers"].items()),
+        )
+    console().print(table)
+    if document["missing"]:
+        print("not installed, so not compared: " + ", ".join(document["missing"]))
+
+
+def _duration(us: float | None) -> str:
+    if us is None:
+        return ""
+    return f"{us:.3g} us" if us < 1000 else f"{us / 1e3:.3g} ms"

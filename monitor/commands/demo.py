@@ -1,0 +1,66 @@
+"""``mavsentry demo``: about a minute in which sensors break one after another, and are named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from monitor.commands.common import Refused, console
+
+__all__ = ["demo"]
+
+SCENARIO, PROFILE = "demo", "transport"
+SPEED = 3.0
+FAILED = 1
+
+
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what it writes.")] = Path(
+        "demo-out"
+    ),
+    speed: Annotated[float, typer.Option(min=0.5, max=10.0, help="Times real time.")] = SPEED,
+) -> None:
+    """Fly a synthetic aircraft over UDP into the daemon, break its sensors, show what is found."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"cannot make {out}: {error.strerror}") from None
+    from monitor.commands.trial import try_out
+    from monitor.commands.trial_table import judge, outcome_table
+
+    screen = console()
+    screen.print(
+        f"A synthetic aircraft takes off at {speed:g} times real time; its MAVLink goes over UDP "
+        "to `mavsentry run`.\nTimes are flight time; STATUSTEXT is what the daemon publishes."
+    )
+    trial = try_out(SCENARIO, PROFILE, speed, out, lambda text: screen.print(text, markup=False))
+    outcome = judge(trial, out / "truth.npz")
+    screen.print(outcome_table(outcome))
+    for fault in outcome.false:
+        screen.print(
+            f"[bold red]FALSE[/] {fault['sensor']} at {fault['detected_s']:.1f} s: "
+            f"{fault['evidence']}"
+        )
+    found = sum(f is not None for _, f in outcome.rows)
+    screen.print(
+        f"{found} of {len(outcome.rows)} injected faults found, {len(outcome.false)} false; "
+        f"the recording gives {'the same verdicts' if trial.agrees() else 'OTHER VERDICTS'} again."
+    )
+    latency = trial.status.get("latency", {})
+    if latency.get("count"):
+        screen.print(
+            f"Answers left {latency['median_ms']:.1f} ms (median) and {latency['p99_ms']:.1f} ms "
+            "(99 %) after the oldest datagram they rest on arrived."
+        )
+    trial.analysis.write(out)
+    (out / "injected_found.json").write_text(
+        json.dumps([{"injected": i, "found": f} for i, f in outcome.rows], indent=1) + "\n",
+        encoding="utf-8",
+    )
+    screen.print(f"Written: {out / trial.recording.stem / 'summary.json'}", soft_wrap=True)
+    screen.print(f"         {trial.recording}, {out / 'truth.json'}", soft_wrap=True)
+    if not outcome.good:
+        raise typer.Exit(FAILED)

@@ -1,0 +1,132 @@
+"""Loads every kernel of the pipeline before the first real sample needs it.
+
+A compiled kernel is loaded (or, the first time on a machine, compiled) at its first call, which
+takes from milliseconds to seconds. The pipeline is therefore first shown a made-up flight: level,
+with all kinds of sensors, some of which break, so that every branch of the watches is called.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from links.samples import Batch, Rows, empty_rows
+from monitor.pipeline import Pipeline
+from monitor.settings import Settings
+
+__all__ = ["made_up_flight", "warm_up"]
+
+DURATION_S = 90.0
+FAULTS_FROM_S = 60.0
+COMPILING_S = 3.0
+"""Steps beyond this time tell that kernels are being compiled, not loaded."""
+
+_RATES_HZ = {"imu": 25.0, "attitude": 10.0, "gps": 5.0, "nav": 5.0, "airspeed": 5.0, "baro": 5.0}
+_SENSORS = (
+    "imu0",
+    "imu1",
+    "attitude",
+    "gps0",
+    "nav",
+    "airspeed0",
+    "airspeed1",
+    "airspeed2",
+    "aoa0",
+    "aoa1",
+    "aoa2",
+    "baro0",
+    "sys_status",
+    "heartbeat",
+)
+_G0_M_S2 = 9.80665
+_AOA_RAD = 0.05
+
+
+def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) -> float:
+    """Run the made-up flight through a pipeline of these settings; return the time taken [s].
+
+    Parameters
+    ----------
+    settings
+        Which watches are built.
+    say
+        Told once, in one sentence, when it takes so long that kernels must be being compiled.
+    """
+    began_s = time.monotonic()
+    pipeline = Pipeline(settings)
+    flight = made_up_flight(2.0 * settings.phase.flying_speed_m_s)
+    last = max(int(rows["seq"][-1]) for rows in flight.rows.values())
+    told = False
+    for batch in flight.split(range(0, last, max(last // 20, 1))):
+        pipeline.feed(batch)
+        if not told and time.monotonic() - began_s > COMPILING_S:
+            say("mavsentry: compiling kernels, once on this machine; `mavsentry warmup` does it")
+            told = True
+    pipeline.finish()
+    return time.monotonic() - began_s
+
+
+def made_up_flight(speed_m_s: float) -> Batch:
+    """Straight flight north from a standstill's end, in still air, in which sensors break.
+
+    Parameters
+    ----------
+    speed_m_s
+        Speed over ground and through the air [m/s].
+    """
+    random = np.random.default_rng(0)
+    rows = {name: _rows(name) for name in _SENSORS}
+    for name, r in rows.items():
+        t_s = r["t_us"] / 1e6
+        late = t_s > FAULTS_FROM_S
+        noise = random.standard_normal(len(r))
+        if name.startswith("imu"):
+            r["acc_m_s2"] = (_G0_M_S2 * np.sin(_AOA_RAD), 0.0, -_G0_M_S2 * np.cos(_AOA_RAD))
+            r["acc_m_s2"] += 0.05 * random.standard_normal((len(r), 3))
+            r["gyro_rad_s"] = 0.002 * random.standard_normal((len(r), 3))
+            r["acc_m_s2"][late & (name == "imu0"), 0] += 3.0
+        elif name == "attitude":
+            r["q_ned_from_frd"] = (np.cos(_AOA_RAD / 2), 0.0, np.sin(_AOA_RAD / 2), 0.0)
+        elif name in ("gps0", "nav"):
+            r["vel_ned_m_s"][:, 0] = np.where(t_s > 3.0, speed_m_s, 0.0) + 0.05 * noise
+            r["alt_m"] = np.clip(20.0 * (t_s - 3.0), 0.0, 200.0)
+            r["lat_rad"], r["lon_rad"] = 0.8, 0.1
+            if name == "gps0":
+                r["fix_type"], r["satellites"], r["vel_std_m_s"] = 3, 12, 0.1
+                r["h_std_m"], r["v_std_m"], r["stamp_us"] = 1.0, 1.5, r["t_us"]
+            else:
+                r["height_m"] = r["alt_m"]
+        elif name.startswith("airspeed"):
+            r["cas_m_s"] = np.where(t_s > 3.0, speed_m_s, 0.0) + 0.1 * noise
+            r["cas_m_s"][late & (name == "airspeed0")] *= 0.5
+            r["diff_press_pa"] = r["cas_m_s"] ** 2 / 2.0
+        elif name.startswith("aoa"):
+            r["aoa_rad"] = _AOA_RAD + 0.002 * noise
+            r["aoa_rad"][late & (name == "aoa0")] += 0.2
+        elif name == "baro0":
+            r["static_press_pa"], r["temperature_k"] = 98945.0, 286.85
+        elif name == "heartbeat":
+            r["vehicle_type"], r["autopilot"], r["armed"], r["system_status"] = 1, 3, True, 4
+    return Batch(_numbered(rows))
+
+
+def _rows(sensor: str) -> Rows:
+    """Rows of the sensor's rate over the whole flight, times set."""
+    rate_hz = _RATES_HZ.get(sensor.rstrip("0123456789"), 5.0)
+    rows = empty_rows(sensor, round(DURATION_S * rate_hz))
+    rows["t_us"] = np.round(np.arange(1, len(rows) + 1) * 1e6 / rate_hz)
+    return rows
+
+
+def _numbered(rows: dict[str, Rows]) -> dict[str, Rows]:
+    """Arrival numbers over all sensors, in time order."""
+    t_us = np.concatenate([r["t_us"] for r in rows.values()])
+    numbers = np.empty(len(t_us), np.int64)
+    numbers[np.argsort(t_us, kind="stable")] = np.arange(len(t_us))
+    at = 0
+    for r in rows.values():
+        r["seq"] = numbers[at : at + len(r)]
+        at += len(r)
+    return rows
