@@ -26,6 +26,7 @@ from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import NO_STAMP, Framer, Frames
 from links.mavlink.options import Counters, DecoderOptions, Vehicle
+from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, gather_payloads, instances
 from links.ranking import Candidate, SourceRanking
 from links.samples import Batch, Rows
@@ -59,7 +60,6 @@ class _Block:
 
     component: NDArray[np.int64] | None  # None: all from the autopilot
     times: ClockResult
-    ratios: Mapping[int, list[tuple[int, float]]]
     rejected: Rejected
 
 
@@ -101,7 +101,7 @@ class Decoder:
         self._held: Frames | None = Frames.at(b"", [])
         self._system = -1
         self._seq = 0
-        self._ratio: dict[int, float] = {}
+        self._ratios = PitotRatios(self.options.airspeed_ratio)
         self._sequence: dict[int, int] = {}
         self._sources: dict[int, list[_Entry]] = {}
         self._parameter = self._dialect.by_name["PARAM_VALUE"].id
@@ -336,8 +336,11 @@ class Decoder:
         if self.first_t_us is None and times.ok.any():
             self.first_t_us = int(times.t_us[np.argmax(times.ok)])
         self._note_leads(kind, raw, times, frames)
-        ratios = self._ratios(groups, from_autopilot)
-        block = _Block(None if from_autopilot.all() else frames.component, times, ratios, rejected)
+        self._ratios.begin_block()
+        if (told := groups.get(self._parameter)) is not None:
+            own = from_autopilot[told[0]]
+            self._ratios.note(told[0][own], told[1][own])
+        block = _Block(None if from_autopilot.all() else frames.component, times, rejected)
         offers: dict[str, list[Candidate]] = {}
         for number, (index, payload) in groups.items():
             if number == self._parameter:
@@ -379,7 +382,7 @@ class Decoder:
             if sensor == source.quantity and source.instance is not None:
                 rejected[sensor, Rejection.OUT_OF_RANGE] += len(at)
                 continue
-            ratio = self._ratio_at(sensor, at, block.ratios) if source.ratio else None
+            ratio = self._ratios.at(int(sensor[-1]), at) if source.ratio else None
             rows, good = build_rows(source, sensor, part, rejected, ratio)
             if times.reason:
                 ok = times.ok[at]
@@ -449,33 +452,6 @@ class Decoder:
         return rows
 
     # ------------------------------------------------------------------ parameters
-
-    def _ratios(
-        self, groups: Mapping[int, Group], from_autopilot: NDArray[np.bool_]
-    ) -> dict[int, list[tuple[int, float]]]:
-        """Pitot number -> (frame, ARSPD_RATIO from there on), the state before the block first."""
-        ratios = {k: [(-1, v)] for k, v in self._ratio.items()}
-        group = groups.get(self._parameter)
-        if group is None:
-            return ratios
-        index, payload = group
-        for row in np.flatnonzero(np.char.startswith(payload["param_id"], b"ARSPD")):
-            name, value = payload["param_id"][row], float(payload["param_value"][row])
-            pitot = {b"ARSPD_RATIO": 0, b"ARSPD2_RATIO": 1, b"ARSPD3_RATIO": 2}.get(bytes(name))
-            if pitot is None or not from_autopilot[index[row]] or not 0.1 < value < 20.0:
-                continue
-            default = [(-1, self.options.airspeed_ratio)]
-            ratios.setdefault(pitot, default).append((int(index[row]), value))
-            self._ratio[pitot] = value
-        return ratios
-
-    def _ratio_at(
-        self, sensor: str, at: NDArray[np.int64], ratios: Mapping[int, list[tuple[int, float]]]
-    ) -> NDArray[np.float64]:
-        steps = ratios.get(int(sensor[-1]), [(-1, self.options.airspeed_ratio)])
-        frame = np.array([f for f, _ in steps])
-        value = np.array([v for _, v in steps])
-        return np.asarray(value[np.searchsorted(frame, at, side="right") - 1], dtype=np.float64)
 
     def _param_bits(self, payload: Rows) -> Rows:
         """PX4 sends integer parameters as their bits in the float field; ArduPilot as values."""
