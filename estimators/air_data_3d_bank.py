@@ -62,6 +62,8 @@ N_GENERATIONS = 14
 N_HYPOTHESES = 1 << N_PITOTS
 WIND_CHANGED = 0
 
+JUMP_OWN_SHARE = 0.2
+"""Of the jump of several pitots, the part that each makes alone: one cause breaks them alike."""
 EARLY_S = 3.0
 """Age up to which a generation's ``early`` follows its scales."""
 _SCALE0 = SCALE.start
@@ -193,8 +195,10 @@ def spawn(
             P[2, 2] += (0.1 * jump_wind_m_s) ** 2
         for i in range(N_PITOTS):
             bank.early[g, h, i] = bank.x[_SCALE0 + i]
-            if (h >> i) & 1:
-                P[_SCALE0 + i, _SCALE0 + i] += jump_scale**2
+            for j in range(N_PITOTS):
+                if (h >> i) & (h >> j) & 1:
+                    own = JUMP_OWN_SHARE**2 if i == j else 0.0
+                    P[_SCALE0 + i, _SCALE0 + j] += jump_scale**2 * (1.0 - JUMP_OWN_SHARE**2 + own)
 
 
 @kernel

@@ -14,6 +14,7 @@ from estimators.air_checks import (
     CHECK_DEAD,
     CHECK_GROSS,
     CHECK_NOISE,
+    CHECK_NONE,
 )
 from links.vocabulary import Kind, Reason, State
 from monitor.verdict import Verdict
@@ -45,16 +46,15 @@ def verdict(row: NDArray[np.float64], epoch_us: int) -> Verdict:
     """The verdict of one row of the judge's log; its times count from ``epoch_us``."""
     t_us = epoch_us + round(row[judge.G_T] * 1e6)
     sensor = _name(int(row[judge.G_SENSOR]))
-    status = int(row[judge.G_STATUS])
-    state = _STATES[status]
+    state = _STATES[float(row[judge.G_STATUS])]
     if state is State.UNMONITORED:
-        return Verdict(t_us, sensor, state, _REASONS[int(row[judge.G_REASON])])
+        return Verdict(t_us, sensor, state, _REASONS[float(row[judge.G_REASON])])
     if state is State.ABSENT:
         return Verdict(t_us, sensor, state, evidence=f"{sensor} shows nothing: it is not fitted")
     if state is not State.FAULTY:
         return _unproved(row, t_us, sensor, state)
     shown, expected = row[judge.G_SHOWN], row[judge.G_EXPECT]
-    check = int(row[judge.G_CHECK])
+    check = float(row[judge.G_CHECK])
     onset_s = row[judge.G_ONSET]
     return Verdict(
         t_us,
@@ -67,7 +67,7 @@ def verdict(row: NDArray[np.float64], epoch_us: int) -> Verdict:
         statistic=float(row[judge.G_STAT]),
         threshold=float(row[judge.G_LIMIT]),
         estimator=_BANK if check == CHECK_BANK else _CHECKS,
-        evidence=_evidence(row, check, sensor, shown, expected, epoch_us),
+        evidence=_evidence(row, check, sensor, shown, expected),
     )
 
 
@@ -83,7 +83,7 @@ def _unproved(row: NDArray[np.float64], t_us: int, sensor: str, state: State) ->
     stat, limit = float(row[judge.G_STAT]), float(row[judge.G_LIMIT])
     if state is State.SUSPECT:
         said = f"{sensor} no longer fits GPS and wind; not enough to be sure yet"
-    elif int(row[judge.G_CHECK]):
+    elif row[judge.G_CHECK] != CHECK_NONE:
         said = f"{sensor} agrees with GPS and wind again"
     else:
         said = f"{sensor} agrees with GPS and wind"
@@ -92,7 +92,7 @@ def _unproved(row: NDArray[np.float64], t_us: int, sensor: str, state: State) ->
     )
 
 
-def _kind(row: NDArray[np.float64], check: int, shown: float, expected: float) -> Kind:
+def _kind(row: NDArray[np.float64], check: float, shown: float, expected: float) -> Kind:
     if check == CHECK_CONSTANT:
         return Kind.STUCK
     if check == CHECK_NOISE:
@@ -103,26 +103,22 @@ def _kind(row: NDArray[np.float64], check: int, shown: float, expected: float) -
 
 
 def _evidence(
-    row: NDArray[np.float64],
-    check: int,
-    sensor: str,
-    shown: float,
-    expected: float,
-    epoch_us: int,
+    row: NDArray[np.float64], check: float, sensor: str, shown: float, expected: float
 ) -> str:
-    since = f"since {epoch_us * 1e-6 + row[judge.G_ONSET]:.1f} s"
+    lasting = f"for {max(row[judge.G_T] - row[judge.G_ONSET], 0.1):.1f} s"
     if check == CHECK_CONSTANT:
-        said = f"{sensor} has shown exactly {shown:.1f} m/s {since} while the aircraft flies"
+        said = f"{sensor} has shown exactly {shown:.1f} m/s {lasting} while the aircraft flies"
     elif check == CHECK_DEAD:
-        said = f"{sensor} shows {shown:.1f} m/s, far below the speed over the ground, {since}"
+        said = f"{sensor} has shown {shown:.1f} m/s {lasting}, far below the speed over the ground"
     elif check == CHECK_NOISE:
-        said = f"{sensor} scatters by {100 * row[judge.G_STAT]:.0f} % {since}"
+        scatter = 100.0 * row[judge.G_STAT]
+        said = f"{sensor} has scattered by {scatter:.0f} % against the others {lasting}"
     elif check == CHECK_GROSS or math.isfinite(expected):
         percent = 100.0 * (shown / expected - 1.0)
         word = "below" if percent < 0.0 else "above"
-        said = f"{sensor} reads {abs(percent):.0f} % {word} what GPS and wind say {since}"
+        said = f"{sensor} has read {abs(percent):.0f} % {word} what GPS and wind say {lasting}"
     else:
-        said = f"{sensor} does not fit GPS and wind {since}"
+        said = f"{sensor} has not fitted GPS and wind {lasting}"
     return said + _others(row, sensor)
 
 

@@ -1,0 +1,98 @@
+"""The fast checks of one pitot: each finds its fault in its time and nothing else."""
+
+import math
+
+import numpy as np
+
+from estimators import air_checks as checks
+
+LIMITS = checks.CheckLimits(
+    constant_s=2.0,
+    gross_ln=0.5,
+    gross_s=1.0,
+    dead_wind_m_s=12.0,
+    dead_s=2.0,
+    noise_rms=0.03,
+    noise_ratio=0.5,
+    noise_s=1.0,
+    noise_tau_s=1.0,
+)
+HZ = 10.0
+
+
+def first_failure(
+    c: np.ndarray, *, flying: bool = True, learnt: bool = True, p: float = 18.0, V: float = 18.0
+) -> tuple[float, float]:
+    """Check and time [s] of the first failure; (CHECK_NONE, inf) without one."""
+    state = checks.new_check()
+    for k, value in enumerate(c):
+        t = k / HZ
+        failed = checks.check_sample(state, LIMITS, t, value, p, 0.01, V, 1.0, flying, learnt)
+        if failed != checks.CHECK_NONE:
+            return failed, t
+    return checks.CHECK_NONE, math.inf
+
+
+def healthy(seconds: float, seed: int = 0) -> np.ndarray:
+    return 18.0 + 0.1 * np.random.default_rng(seed).standard_normal(round(seconds * HZ))
+
+
+def test_a_healthy_pitot_passes() -> None:
+    assert first_failure(healthy(60)) == (checks.CHECK_NONE, math.inf)
+
+
+def test_constant_after_two_seconds_and_only_in_flight() -> None:
+    c = healthy(20)
+    c[100:] = c[99]
+    check, t = first_failure(c)
+    assert check == checks.CHECK_CONSTANT
+    assert 2.0 < t - 9.9 < 2.3
+    assert first_failure(c, flying=False)[0] == checks.CHECK_NONE
+
+
+def test_gross_error_after_one_second_but_not_a_spike() -> None:
+    c = healthy(20)
+    c[50:57] *= 3.0
+    assert first_failure(c)[0] == checks.CHECK_NONE
+    c[100:] *= 1.8
+    check, t = first_failure(c)
+    assert check == checks.CHECK_GROSS
+    assert 1.0 < t - 10.0 < 1.3
+
+
+def test_dead_pitot_at_flying_speed_before_anything_is_learnt() -> None:
+    c = 0.5 + healthy(20) * 0.02
+    check, t = first_failure(c, learnt=False, p=math.nan)
+    assert check == checks.CHECK_DEAD
+    assert 2.0 < t < 2.3
+    assert first_failure(c, learnt=False, p=math.nan, V=5.0)[0] == checks.CHECK_NONE
+
+
+def scatter(noise: list[float], gust: float, scale: list[float], seed: int = 1) -> list[bool]:
+    """Whether each of several pitots in the same gusts is found noisy."""
+    rng = np.random.default_rng(seed)
+    states = np.stack([checks.new_check() for _ in range(3)])
+    use = (1 << len(noise)) - 1
+    found = [False] * len(noise)
+    for k in range(200):
+        air = 20.0 * (1.0 + gust * rng.standard_normal())
+        for i, std in enumerate(noise):
+            c = scale[i] * air * (1.0 + std * rng.standard_normal())
+            checks.check_sample(states[i], LIMITS, k / HZ, c, 20.0, 0.01, 20.0, 1.0, True, True)
+            checks.pair_noise(states, LIMITS, i, 1.0 / HZ)
+            found[i] |= bool(checks.noise_check(states, LIMITS, i, use & ~(1 << i), k / HZ))
+    return found
+
+
+def test_noise_is_blamed_on_the_noisy_one_of_two_and_of_three() -> None:
+    assert scatter([0.08, 0.003], gust=0.02, scale=[1.0, 1.0]) == [True, False]
+    assert scatter([0.003, 0.08, 0.003], gust=0.02, scale=[1.0, 1.0, 1.0]) == [False, True, False]
+
+
+def test_gusts_and_a_wrong_scale_are_not_noise() -> None:
+    assert scatter([0.003, 0.003], gust=0.15, scale=[1.0, 1.0]) == [False, False]
+    assert scatter([0.003, 0.003], gust=0.15, scale=[0.7, 1.0]) == [False, False]
+
+
+def test_a_single_pitot_is_never_called_noisy() -> None:
+    assert scatter([0.2], gust=0.02, scale=[1.0]) == [False]
