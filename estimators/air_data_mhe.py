@@ -53,6 +53,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+CONVERGED_STEP = 1e-9
+"""Largest component [rad, m/s] of an SQP step at which the converged mode stops."""
+
 KT = 0.514444
 """One knot [m/s]."""
 
@@ -225,7 +228,7 @@ def mhe_solve(
                 size = max(size, abs(dx[i, a]))
                 if i < N - 1:
                     u[i, a] += du[i, a]
-        if kappa == 0.0 and size < 1e-11:
+        if kappa == 0.0 and size < CONVERGED_STEP:
             break
     if kappa == 0.0 and status == SOLVED and size > 1e-6:
         status = NOT_CONVERGED

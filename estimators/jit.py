@@ -23,7 +23,7 @@ from typing import Any, TypeVar, cast
 import numba
 import platformdirs
 
-__all__ = ["cache_root", "kernel"]
+__all__ = ["cache_root", "inlined", "kernel"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -50,6 +50,15 @@ def _digest(module: str) -> str:
 
 def kernel(function: F) -> F:
     """Compile ``function`` to machine code on its first call (or load it from the cache)."""
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """A small kernel that is always merged into the kernels that call it."""
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: F, **options: Any) -> F:
     config: Any = numba.config
     config.CACHE_DIR = str(cache_root() / _digest(function.__module__))
-    return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=False)(function))
+    return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=False, **options)(function))

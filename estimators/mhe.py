@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.jit import kernel
+from estimators.mhe_four import kkt_step_four
 
 __all__ = [
     "BOUNDS_CROSSED",
@@ -64,7 +65,7 @@ MAX_HALVINGS = 30
 BOUNDARY_SHARE = 0.995
 """Share of the way to the boundary that a primal-dual step may go (usual in the literature)."""
 CENTRING = 0.15
-"""Target of a primal-dual iteration as a share of the present complementarity."""
+"""Target of a primal-dual iteration as a share of the present complementarity, at most."""
 
 
 def work_size(N: int, n: int, p: int, m: int) -> int:
@@ -371,7 +372,10 @@ def barrier_qp(
     for j in range(n_kappa * n_qp):
         _barrier(x, xl, xu, kappa, gx, Dx)
         _barrier(u, ul, uu, kappa, gu, Du)
-        kkt_step(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work)
+        if n == 4 and p == 4 and R.size == 4:
+            kkt_step_four(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work)
+        else:
+            kkt_step(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work)
         total = 0.0
         for i in range(N):
             for a in range(n):
@@ -553,5 +557,5 @@ def converged_qp(
         mean = (gap_x + gap_u) / count
         if mean < tol and s > 0.9:
             return SOLVED
-        kappa = CENTRING * mean
+        kappa = min(CENTRING * mean, mean * np.sqrt(mean))
     return NOT_CONVERGED

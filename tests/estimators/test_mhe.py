@@ -13,6 +13,7 @@ from estimators.mhe import (
     kkt_step,
     work_size,
 )
+from estimators.mhe_four import kkt_step_four
 
 from .air_oracle import CONSTRAINED, load
 
@@ -99,6 +100,25 @@ def test_row_by_row_equals_the_block_form_of_algorithm_2():
         dx_twin, du_twin = twin.kkt_step(*window[:10], x, u, gx, Dx, gu, Du)
         np.testing.assert_allclose(dx, dx_twin, rtol=1e-9, atol=1e-10)
         np.testing.assert_allclose(du, du_twin, rtol=1e-9, atol=1e-10)
+
+
+def test_the_kernel_for_four_equals_the_general_one():
+    rng = np.random.default_rng(6)
+    for N in (2, 3, 9):
+        window = _random_window(rng, N, 4, 4, 4)
+        x, u, work = _work(window)
+        x[:], u[:] = rng.normal(size=x.shape), rng.normal(size=u.shape)
+        gx, Dx = rng.normal(size=x.shape), 10.0 ** rng.uniform(-3, 9, x.shape)
+        gu, Du = rng.normal(size=u.shape), 10.0 ** rng.uniform(-3, 9, u.shape)
+        Dx[:, 0] = gx[:, 0] = 0.0
+        window[5][1, 2] = 0.0  # an unused measurement
+        window[9][1, 2] = 0.0
+        dx, du = np.empty_like(x), np.empty_like(u)
+        dx_four, du_four = np.empty_like(x), np.empty_like(u)
+        kkt_step(*window[:10], x, u, gx, Dx, gu, Du, dx, du, work)
+        kkt_step_four(*window[:10], x, u, gx, Dx, gu, Du, dx_four, du_four, work)
+        np.testing.assert_allclose(dx_four, dx, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(du_four, du, rtol=1e-9, atol=1e-10)
 
 
 def test_converged_solution_meets_the_optimality_conditions():
