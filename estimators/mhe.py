@@ -528,7 +528,10 @@ def converged_qp(
     for _ in range(max_iterations):
         _pd_barrier(x, xl, xu, zxl, zxu, kappa, gx, Dx)
         _pd_barrier(u, ul, uu, zul, zuu, kappa, gu, Du)
-        kkt_step(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work)
+        if n == 4 and p == 4 and R.size == 4:
+            kkt_step_four(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work)
+        else:
+            kkt_step(P, Q, R, A, B, C, f, rx, ru, ry, x, u, gx, Dx, gu, Du, dx, du, work)
         total = 0.0
         for i in range(N):
             for a in range(n):

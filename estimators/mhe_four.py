@@ -95,7 +95,7 @@ def _cleared(a: Vec, j: int) -> Vec:
 
 @inlined
 def _moved(x: Vec, t: float, a: Vec) -> Vec:
-    """x + t a."""
+    """Sum x + t a."""
     return x[0] + t * a[0], x[1] + t * a[1], x[2] + t * a[2], x[3] + t * a[3]
 
 
