@@ -70,7 +70,7 @@ class ImuWatch:
     def __init__(self, settings: ImuSettings) -> None:
         self._tuning = tuning_of(settings)
         self._bank = bank.make_bank(bank.MAX_IMUS, self._tuning)
-        self._judge = Judge(settings, self._tuning)
+        self._judge = Judge(settings, self._tuning, self._bank)
         self._gps: str | None = None
         self._alive: set[str] = set()
 
@@ -91,7 +91,7 @@ class ImuWatch:
             )
             if self._bank.clock[bank.C_STOPPED] == 1.0:
                 self._bank.clock[bank.C_STOPPED] = 0.0
-                result.verdicts += self._judge.decide(self._bank)
+                result.verdicts += self._judge.decide()
                 bank.roll(self._bank, self._tuning, float(self._bank.clock[bank.C_NOW]))
         self._estimate(ticks[: int(used[0])], result)
         return result

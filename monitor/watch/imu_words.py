@@ -98,17 +98,17 @@ def lone_sentence(
     return text if rival is None else f"{text} (or its pair {GYRO_ACC_AXES[rival]})"
 
 
-def disagreement_sentence(imu: int, other: int, axis: int, size: float) -> str:
+def disagreement_sentence(imu: int, other: int, axis: int) -> str:
     """Two IMUs differ and nothing tells which is wrong."""
     return (
-        f"imu{imu} and imu{other} disagree by {shown(axis, abs(size)).rsplit(' ', 1)[0]} on "
-        f"{GYRO_ACC_AXES[axis]}; no reference tells which is wrong"
+        f"imu{imu} and imu{other} disagree on {GYRO_ACC_AXES[axis]}; no reference tells which is "
+        "wrong"
     )
 
 
 def contradiction_sentence() -> str:
-    """The IMUs agree with each other and the references with none."""
-    return "the IMUs agree with each other and contradict the references"
+    """The reference contradicts itself, or all IMUs at once."""
+    return "GPS contradicts itself or all IMUs at once"
 
 
 def stuck_sentence(imu: int, axis: int, value: float, held_s: float) -> str:

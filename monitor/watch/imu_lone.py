@@ -1,0 +1,168 @@
+"""A lone IMU, tested by its own filters against satellite velocity and static pressure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.detection import LatchState
+from estimators.imu_evidence import single_axis
+from estimators.ins_bank_model import ATT, F_ACC, INS
+from links.vocabulary import Kind
+from monitor.verdict import Verdict
+from monitor.watch import imu_words as words
+from monitor.watch.imu_record import US, Array, Record
+
+__all__ = ["Found", "LoneTest"]
+
+ESTIMATOR = "estimators.ins_bank"
+YOUNG_S = 0.8
+"""A window younger than this has seen too few fixes to name an axis."""
+MARGIN_NATS = 3.0
+MARGIN_WAIT_S = 3.0
+"""The best axis must beat its rival by this, or the best is named, with its pair, after a wait."""
+RECTIFIED = 0.1
+"""Vibration and gusts that the samples alias can leave a mean of this share of their sample-to-
+sample rms (rectification): a lone IMU is not blamed for less. Real flights shake by 1 m/s^2."""
+SECOND_FAULT = 1.5
+"""A lone IMU with a called fault is a poorer model: a second one must be this much clearer."""
+SAME_FAULT = 0.75
+"""That a called fault changes, or ends, needs less than that it exists."""
+RELEASE = 0.9
+"""Estimate plus one sigma below this share of the physical size is agreement."""
+
+NO_PRIOR = np.zeros(6)
+NO_PRIOR_STD = np.full(6, np.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The single-axis fault that explains a filter's innovations best, and the next best axis.
+
+    Attributes
+    ----------
+    window, axis
+        Window, hence supposed onset, and axis.
+    fault, z
+        Its estimate [SI] and statistic [sigma].
+    rival, margin
+        The axis that explains nearly as much, and by how much less (log likelihood).
+    """
+
+    window: int
+    axis: int
+    fault: float
+    z: float
+    rival: int
+    margin: float
+
+
+class LoneTest:
+    """Tests of one IMU's filters."""
+
+    def __init__(self, record: Record) -> None:
+        self._record = record
+
+    def shared(self, whole: list[int]) -> bool:
+        """Whether every filter of every IMU contradicts the references."""
+        limit = np.full(6, self._record.settings.single_sigma)
+        return all(
+            self._loudest(2 * i + mode, limit) is not None for i in whole for mode in (INS, ATT)
+        )
+
+    def step(self, imu: int) -> list[Verdict]:
+        """Judge the only IMU that works; its references are trusted."""
+        r = self._record
+        unit = r.units[imu]
+        self._settle(imu)
+        limit = np.full(6, r.settings.single_sigma)
+        called = [a.faulty for a in unit.axes]
+        if any(called):
+            limit *= np.where(called, SAME_FAULT, SECOND_FAULT)
+        mode, found = INS, self._loudest(2 * imu + INS, limit)
+        if r.settings.attitude_independent:
+            sharper = self._loudest(2 * imu + ATT, limit)
+            if sharper is not None:
+                mode, found = ATT, sharper
+        if found is None:
+            unit.loud_s = math.nan
+        elif math.isnan(unit.loud_s):
+            unit.loud_s = r.now_s
+        close = found is not None and found.margin < MARGIN_NATS
+        if close and r.now_s - unit.loud_s < MARGIN_WAIT_S:
+            return []
+        for k, axis in enumerate(unit.axes):
+            if not axis.faulty and axis.test == "" and (found is None or k != found.axis):
+                axis.latch.step(r.t_us, False, True)
+        if found is None:
+            return []
+        axis = unit.axes[found.axis]
+        if axis.faulty:
+            self._fold(imu, found)
+        elif axis.latch.step(r.t_us, True, False) is LatchState.FAULTY:
+            return [self._call(imu, mode, found, found.rival if close else None)]
+        return []
+
+    def _loudest(self, c: int, limit: Array) -> Found | None:
+        """The loudest single-axis fault of a filter, over all windows: all possible onsets."""
+        r = self._record
+        b = r.bank
+        if math.isnan(b.aligned_s[c]):
+            return None
+        f, z = single_axis(b.L[c, :-1], b.Y[c, :-1], b.start_nis[c, :-1])
+        rms = np.sqrt(b.diff2[c // 2])
+        shaken = np.repeat([math.hypot(*rms[:3]), math.hypot(*rms[3:])], 3)
+        size = np.maximum(r.size, RECTIFIED * shaken)
+        loud = np.where(np.abs(f) > size, np.abs(z) / limit, 0.0)
+        loud[r.now_s - b.start_s[c, :-1] < YOUNG_S] = 0.0
+        order = np.argsort(-loud.max(axis=0))
+        k, rival = int(order[0]), int(order[1])
+        w = int(loud[:, k].argmax())
+        if loud[w, k] <= 1.0:
+            return None
+        second = float(np.abs(z[:, rival]).max())
+        margin = 0.5 * float(z[w, k] ** 2 - second**2)
+        return Found(w, k, float(f[w, k]), float(z[w, k]), rival, margin)
+
+    def _call(self, imu: int, mode: int, found: Found, rival: int | None) -> Verdict:
+        r = self._record
+        k = found.axis
+        axis = r.units[imu].axes[k]
+        axis.test = "lone"
+        axis.base = r.slow_bias(imu, k)
+        since_s = (axis.latch.since_us or r.t_us) / US
+        onset_s = min(float(r.bank.start_s[2 * imu + mode, found.window]), since_s)
+        text = words.lone_sentence(
+            imu,
+            k,
+            found.fault,
+            r.now_s - onset_s,
+            rival,
+            attitude=mode == ATT,
+            baro=r.has_baro,
+        )
+        score = abs(found.z), r.settings.single_sigma
+        verdict = r.fault(imu, k, Kind.BIAS, onset_s, found.fault, score, ESTIMATOR, text)
+        self._fold(imu, found)
+        return verdict
+
+    def _fold(self, imu: int, found: Found) -> None:
+        r = self._record
+        for c in r.filters(imu):
+            if r.bank.L[c, found.window, found.axis, found.axis] > 0.0:
+                r.fold(c, found.window, [found.axis], NO_PRIOR, NO_PRIOR_STD)
+
+    def _settle(self, imu: int) -> None:
+        """Clear a fault once the IMU's own filter says that it is gone."""
+        r = self._record
+        for k, axis in enumerate(r.units[imu].axes):
+            if axis.test not in ("lone", "difference") or not axis.faulty:
+                continue
+            c = 2 * imu + (ATT if r.settings.attitude_independent else INS)
+            left = abs(float(r.bank.x[c, F_ACC + k]) - axis.base)
+            std = math.sqrt(float(r.bank.P[c, F_ACC + k, F_ACC + k]))
+            state = axis.latch.step(r.t_us, left > r.size[k], left + std < RELEASE * r.size[k])
+            if state is LatchState.OK:
+                r.release(imu, k)
