@@ -95,7 +95,7 @@ def _held(state: Array, slot: int, condition: bool, t: float) -> float:
         return -1.0
     if np.isnan(state[slot]):
         state[slot] = t
-    return t - state[slot]
+    return float(t - state[slot])
 
 
 @kernel

@@ -45,8 +45,10 @@ __all__ = [
     "N_HYPOTHESES",
     "WIND_CHANGED",
     "Bank",
+    "accept_wind",
     "adopt",
     "bank_step",
+    "before_onset",
     "clear",
     "evidence",
     "new_bank",
@@ -313,20 +315,36 @@ def parsimony(top: Array, mask: int) -> float:
 
 
 @kernel
-def adopt(bank: Bank, g: int, h: int) -> None:
-    """Make an explanation the master.
+def before_onset(bank: Bank, onset: float, h: int) -> int:
+    """Generation of the best explanation h among those born before the onset; -1 without one."""
+    best, top = -1, -np.inf
+    for g in range(N_GENERATIONS):
+        if bank.born[g] <= onset and bank.L[g, h] > top:
+            best, top = g, bank.L[g, h]
+    return best
 
-    A changed wind only moves the zero of L: the other explanations go on competing with their old
-    starts. A shifted pitot ends the competition: its k returns to what it was before the shift, for
-    the day it recovers, and every generation is dropped.
+
+@kernel
+def accept_wind(bank: Bank, g: int) -> None:
+    """Make the changed wind of a generation the master.
+
+    It only moves the zero of L: the other explanations go on competing with their old starts.
+    """
+    _copy(bank.hx[g, WIND_CHANGED], bank.hP[g, WIND_CHANGED], bank.x, bank.P)
+    lead = bank.L[g, WIND_CHANGED]
+    for i in range(N_GENERATIONS):
+        for j in range(N_HYPOTHESES):
+            bank.L[i, j] -= lead
+
+
+@kernel
+def adopt(bank: Bank, g: int, h: int) -> None:
+    """Make the shift of the pitots of mask h, as generation g explains it, the master.
+
+    Their k return to what they were before the shift, for the day they recover, and every
+    generation is dropped: the competition is over.
     """
     _copy(bank.hx[g, h], bank.hP[g, h], bank.x, bank.P)
-    if h == WIND_CHANGED:
-        lead = bank.L[g, h]
-        for i in range(N_GENERATIONS):
-            for j in range(N_HYPOTHESES):
-                bank.L[i, j] -= lead
-        return
     for i in range(N_PITOTS):
         if (h >> i) & 1:
             k = _SCALE0 + i

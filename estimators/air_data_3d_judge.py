@@ -33,11 +33,12 @@ from numpy.typing import NDArray
 from estimators.air_checks import CHECK_BANK, CHECK_NONE
 from estimators.air_data_3d import N_PITOTS, SCALE
 from estimators.air_data_3d_bank import (
-    N_GENERATIONS,
     N_HYPOTHESES,
     WIND_CHANGED,
     Bank,
+    accept_wind,
     adopt,
+    before_onset,
     clear,
     evidence,
     parsimony,
@@ -173,7 +174,7 @@ def set_status(
 @kernel
 def _agreeing(judge: Judge, limits: JudgeLimits, but: int) -> int:
     """Bit mask of the judged pitots outside ``but`` that show what the filters expect."""
-    mask = np.int64(0)
+    mask = 0
     for i in range(N_PITOTS):
         s = judge.sensor[i]
         judged = s[S_STATUS] == OK or s[S_STATUS] == SUSPECT
@@ -224,12 +225,9 @@ def accuse_by_check(
 
     The best explanation that began before the onset and lets pitot i alone shift becomes master.
     """
-    best_g, top = np.int64(-1), -np.inf
-    for g in range(N_GENERATIONS):
-        if bank.born[g] <= onset and bank.L[g, 1 << i] > top:
-            best_g, top = g, bank.L[g, 1 << i]
-    if best_g >= 0:
-        adopt(bank, best_g, 1 << i)
+    g = before_onset(bank, onset, 1 << i)
+    if g >= 0:
+        adopt(bank, g, 1 << i)
     clear(bank)
     agree = _agreeing(judge, limits, 1 << i)
     _accuse(judge, log, t, i, 1 << i, agree, 0.0, check, onset, stat, limit)
@@ -433,7 +431,7 @@ def judge_epoch(
     elif math.isnan(memory[J_WIND_SINCE]):
         memory[J_WIND_SINCE] = t
     elif not changed and t - memory[J_WIND_SINCE] >= limits.confirm_s:
-        adopt(bank, where[WIND_CHANGED], np.int64(WIND_CHANGED))
+        accept_wind(bank, where[WIND_CHANGED])
         memory[J_WIND_SINCE] = np.nan
     for i in range(N_PITOTS):
         if not (known >> i) & 1:

@@ -56,14 +56,14 @@ class Rings(NamedTuple):
         Time and velocity of the autopilot.
     pitot : (3, RING, 2) float64 [s, m/s]
         Time and calibrated airspeed.
-    count : (5,) int64
+    pushed : (5,) int64
         Samples pushed: attitude, nav, three pitots.
     """
 
     attitude: Array
     nav: Array
     pitot: Array
-    count: NDArray[np.int64]
+    pushed: NDArray[np.int64]
 
 
 def new_rings() -> Rings:
@@ -79,7 +79,7 @@ def new_rings() -> Rings:
 @kernel
 def push(ring: Array, count: NDArray[np.int64], which: int) -> Array:
     """The row of a ring to write the next sample into; counts it."""
-    row = ring[count[which] % RING]
+    row: Array = ring[count[which] % RING]
     count[which] += 1
     return row
 
@@ -102,7 +102,7 @@ def axes_at(rings: Rings, t: float, E: Array) -> bool:
     E : (3, 3) float64 [1]
         Receives the nose, right wing and floor direction, each in a row: frd_from_ned.
     """
-    count = rings.count[0]
+    count = rings.pushed[0]
     k = _before(rings.attitude, count, t)
     if k < 0 or k + 1 >= count:
         return False
@@ -133,7 +133,7 @@ def nav_at(rings: Rings, t: float, v: Array) -> bool:
     ----------
     v : (3,) float64 [m/s]
     """
-    count = rings.count[1]
+    count = rings.pushed[1]
     k = _before(rings.nav, count, t)
     if k < 0 or t - rings.nav[k % RING, 0] > NAV_REACH_S:
         return False
@@ -149,7 +149,7 @@ def nav_at(rings: Rings, t: float, v: Array) -> bool:
 @kernel
 def mean_pitot(rings: Rings, i: int, t: float) -> float:
     """What pitot i showed around time t [m/s]: the mean nearby, else the nearest; NaN if none."""
-    count = rings.count[2 + i]
+    count = rings.pushed[2 + i]
     total, n = 0.0, 0
     nearest, reach = math.nan, PITOT_REACH_S
     for back in range(1, min(count, RING) + 1):

@@ -269,9 +269,9 @@ def _process_noise(air: AirState, par: AirParams, dt: float, sink: float, q: Arr
 @kernel
 def _known(air: AirState) -> int:
     """Bit mask of pitots that exist: have shown more than zero, or the first one if listed."""
-    mask = np.int64(0)
+    mask = 0
     for i in range(N_PITOTS):
-        seen = air.rings.count[2 + i] > 0
+        seen = air.rings.pushed[2 + i] > 0
         if seen and (air.check[i, ALIVE] > 0.5 or (i == 0 and air.memory[PRESENT] > 0.5)):
             mask |= 1 << i
     return mask
@@ -280,7 +280,7 @@ def _known(air: AirState) -> int:
 @kernel
 def _sound(air: AirState, known: int) -> int:
     """Bit mask of the known pitots that are not faulty."""
-    mask = np.int64(0)
+    mask = 0
     for i in range(N_PITOTS):
         if (known >> i) & 1 and air.judge.sensor[i, S_STATUS] != FAULTY:
             mask |= 1 << i
@@ -290,7 +290,7 @@ def _sound(air: AirState, known: int) -> int:
 @kernel
 def _quiet(air: AirState, par: AirParams, known: int, t: float) -> int:
     """Bit mask of pitots that are neither constant nor scatter."""
-    mask = np.int64(0)
+    mask = 0
     for i in range(N_PITOTS):
         constant = t - air.check[i, SAME_SINCE] > par.checks.constant_s
         others = _sound(air, known) & ~(1 << i)
@@ -389,7 +389,7 @@ def _epoch(
         clear(bank)
     sigma = sigma_rho_from_pressure(memory[PRESSURE])
     ln_sigma = math.log(sigma)
-    use, learnt = np.int64(0), np.int64(0)
+    use, learnt = known & 0, known & 0
     for i in range(N_PITOTS):
         c = mean_pitot(air.rings, i, t) if (known >> i) & 1 else np.nan
         shown = not np.isnan(c)
@@ -542,12 +542,12 @@ def run(
     for k in range(len(t)):
         now, what, i, v = t[k], code[k], index[k], value[k]
         if what == EV_ATTITUDE:
-            row = push(air.rings.attitude, air.rings.count, 0)
+            row = push(air.rings.attitude, air.rings.pushed, 0)
             row[0] = now
             for j in range(4):
                 row[1 + j] = v[j]
         elif what == EV_NAV:
-            row = push(air.rings.nav, air.rings.count, 1)
+            row = push(air.rings.nav, air.rings.pushed, 1)
             row[0] = now
             for j in range(3):
                 row[1 + j] = v[j]
@@ -564,7 +564,7 @@ def run(
             reason = LEARNING if v[0] > 0.5 else ON_GROUND
             unmonitor(judge, log, now, _known(air), reason)
         elif what == EV_PITOT:
-            row = push(air.rings.pitot[i], air.rings.count, 2 + i)
+            row = push(air.rings.pitot[i], air.rings.pushed, 2 + i)
             row[0], row[1] = now, v[0]
             _pitot_sample(air, par, now, i, v[0], log)
             if memory[FLYING] < 0.5:

@@ -43,7 +43,8 @@ def lateral_model(x: Array, V: Array, e_y: Array) -> float:
 def pitot_model(x: Array, V: Array, ln_sigma: float) -> Array:
     """``h_i = ln(sigma_rho n) - k_i`` of the three pitots."""
     _, n = air_velocity(x, V)
-    return ln_sigma + np.log(n) - x[6:9]
+    h: Array = ln_sigma + np.log(n) - x[6:9]
+    return h
 
 
 def huber_update(

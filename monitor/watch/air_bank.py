@@ -44,7 +44,7 @@ class _Events(NamedTuple):
     t_us: NDArray[np.int64]
     seq: NDArray[np.int64]
     code: int
-    index: int
+    instance: int
     value: NDArray[np.float64]
 
 
@@ -119,18 +119,18 @@ def _events(rows: Mapping[str, Rows]) -> list[_Events]:
         quantity, index = sensor.rstrip("0123456789"), sensor[len(sensor.rstrip("0123456789")) :]
         i = int(index) if index else 0
         value = np.zeros((len(r), N_VALUES))
-        keep = np.ones(len(r), np.bool_)
+        keep: NDArray[np.bool_] = np.ones(len(r), np.bool_)
         if sensor == "attitude":
             code = EV_ATTITUDE
             value[:] = r["q_ned_from_frd"]
         elif quantity == "gps" and i < 2:
             code = EV_GPS
             value[:, :3] = r["vel_ned_m_s"]
-            keep = (r["fix_type"] >= 3) & np.isfinite(value[:, :2]).all(1)
+            keep = np.isfinite(value[:, 0] + value[:, 1]) & (r["fix_type"] >= 3)
         elif sensor == "nav":
             code = EV_NAV
             value[:, :3] = r["vel_ned_m_s"]
-            keep = np.isfinite(value[:, :3]).all(1)
+            keep = np.isfinite(value[:, 0] + value[:, 1] + value[:, 2])
         elif quantity == "airspeed" and i < N_PITOTS:
             code = EV_PITOT
             value[:, 0] = r["cas_m_s"]
@@ -171,7 +171,7 @@ class AirBankWatch:
         t_us = np.concatenate([e.t_us for e in events])
         order = np.lexsort((np.concatenate([e.seq for e in events]), t_us))
         code = np.concatenate([np.full(len(e.t_us), e.code, np.int64) for e in events])
-        index = np.concatenate([np.full(len(e.t_us), e.index, np.int64) for e in events])
+        index = np.concatenate([np.full(len(e.t_us), e.instance, np.int64) for e in events])
         value = np.concatenate([e.value for e in events])
         t_us = t_us[order]
         if self._epoch_us is None:
