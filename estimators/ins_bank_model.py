@@ -56,7 +56,17 @@ from numpy.typing import NDArray
 from estimators.attitude import dcm_from_rotation_vector
 from estimators.jit import kernel
 
-__all__ = ["ATT", "INS", "N", "apply_transition", "integrate", "scalar_update"]
+__all__ = [
+    "ATT",
+    "INS",
+    "N",
+    "apply_transition",
+    "close_interval",
+    "inject",
+    "integrate",
+    "product",
+    "scalar_update",
+]
 
 Array = NDArray[np.float64]
 
@@ -78,6 +88,16 @@ EARTH_RADIUS_M = 6371000.0
 ACC_T, ACC_S, ACC_G, ACC_B, ACC_QV, ACC_QPHI = 0, 1, 4, 13, 22, 25
 N_ACC = 28
 """Where T, S, G, B and the gathered velocity and attitude noise stand in the accumulator."""
+
+
+@kernel
+def product(A: Array, B: Array) -> Array:
+    """Product of two (3, 3) matrices."""
+    C = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            C[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
+    return C
 
 
 @kernel
@@ -112,8 +132,8 @@ def integrate(
         earth = R[0, i] * (w_n + r_n) + R[1, i] * r_e + R[2, i] * (w_d + r_d)
         half[i] = 0.5 * dt * (u[3 + i] - x[F_GYRO + i] - earth)
     turn = dcm_from_rotation_vector(half)
-    mid = R @ turn
-    R[:] = mid @ turn
+    mid = product(R, turn)
+    R[:] = product(mid, turn)
     a = np.empty(3)
     for i in range(3):
         a[i] = 0.0
@@ -286,5 +306,5 @@ def scalar_update(
 @kernel
 def inject(x: Array, R: Array) -> None:
     """Move the attitude correction from the mean into the rotation matrix (in place)."""
-    R[:] = dcm_from_rotation_vector(x[PHI : PHI + 3].copy()) @ R
+    R[:] = product(dcm_from_rotation_vector(x[PHI : PHI + 3].copy()), R)
     x[PHI : PHI + 3] = 0.0

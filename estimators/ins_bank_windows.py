@@ -1,0 +1,142 @@
+"""Windows of the filters: what a step, or a course, of each fault has done to the innovations.
+
+A window starts with ``F`` the unit steps of the six faults, ``L`` and ``y`` empty (see
+:mod:`estimators.ins_bank_model` for the symbols). Two windows of every length restart half a length
+apart, so that one of them began shortly before any fault. The last window starts on demand and
+follows the *measured course* of a difference between two IMUs instead of a step.
+
+Source: lu2016 eq. (45)-(52): V, P_f and K_f with Q^f = 0, in information form; :func:`accept` is
+its ``x = x_bar + V f`` (eq. 38) once a fault was called.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.ins_bank_model import F_ACC, N, inject, scalar_update
+from estimators.ins_bank_state import Bank, Tuning
+from estimators.jit import kernel
+
+__all__ = [
+    "NIS_LEAST",
+    "accept",
+    "drive",
+    "mark",
+    "observe_fault",
+    "restart_windows",
+    "roll",
+]
+
+Array = NDArray[np.float64]
+
+NIS_LEAST = 0.5
+"""Normaliser of the statistics: running mean of the innovations' square, not below this."""
+
+
+@kernel
+def _restart(b: Bank, c: int, w: int, t: float) -> None:
+    b.F[c, w] = 0.0
+    b.L[c, w] = 0.0
+    b.Y[c, w] = 0.0
+    for k in range(6):
+        b.F[c, w, F_ACC + k, k] = 1.0
+    b.start_s[c, w] = t
+    b.start_nis[c, w] = max(NIS_LEAST, b.nis[c])
+
+
+@kernel
+def restart_windows(b: Bank, c: int, t: float) -> None:
+    """Empty all windows of a filter."""
+    for w in range(b.start_s.shape[1] - 1):
+        _restart(b, c, w, t)
+    b.start_s[c, -1] = math.nan
+
+
+@kernel
+def roll(b: Bank, p: Tuning, now: float) -> None:
+    """Restart the windows that have reached their length.
+
+    The two windows of a length restart half a length apart, on a grid of vehicle time.
+    """
+    for c in range(b.x.shape[0]):
+        if math.isnan(b.aligned_s[c]):
+            continue
+        for w in range(b.start_s.shape[1] - 1):
+            length = p.window_s[w // 2]
+            phase = 0.5 * (w % 2)
+            if math.floor(now / length + phase) > math.floor(b.start_s[c, w] / length + phase):
+                _restart(b, c, w, now)
+
+
+def mark(b: Bank, t: float) -> None:
+    """Start the last window of every filter: two IMUs have just begun to disagree.
+
+    Its columns are not unit steps but the course that :func:`drive` gives each fault.
+    """
+    for c in np.flatnonzero(~np.isnan(b.aligned_s)):
+        b.F[c, -1], b.L[c, -1], b.Y[c, -1] = 0.0, 0.0, 0.0
+        b.start_s[c, -1] = t
+        b.start_nis[c, -1] = max(NIS_LEAST, b.nis[c])
+
+
+def drive(b: Bank, imu: int, change: Array) -> None:
+    """Let the faults that the last window supposes of an IMU change by this much now.
+
+    Parameters
+    ----------
+    b : Bank
+    imu : int
+    change : (6,) float64 [m/s^2, rad/s]
+    """
+    k = np.arange(6)
+    for c in (2 * imu, 2 * imu + 1):
+        b.F[c, -1, F_ACC + k, k] += change
+
+
+def accept(
+    b: Bank, c: int, w: int, axes: Array, prior: Array, prior_std: Array, now: float
+) -> Array:
+    """Take the faults that a window estimates on some axes into a filter's state.
+
+    ``x <- x + F f``, ``P <- P + F L^-1 F'``: the bias filter of the two stages is folded back.
+
+    Parameters
+    ----------
+    b : Bank
+    c, w : int
+        Filter and window.
+    axes : (6,) float64
+        1 on the axes to take, 0 elsewhere.
+    prior, prior_std : (6,) float64 [m/s^2, rad/s]
+        What other sensors say of the faults, and its standard deviation (infinite: nothing).
+    now : float [s]
+        All windows restart here.
+
+    Returns
+    -------
+    (6,) float64
+        The faults taken [m/s^2, rad/s].
+    """
+    on = np.flatnonzero(axes > 0.0)
+    information = b.L[c, w][np.ix_(on, on)] + np.diag(prior_std[on] ** -2.0)
+    covariance = np.linalg.inv(information)
+    f = np.zeros(6)
+    f[on] = covariance @ (b.Y[c, w, on] + prior[on] * prior_std[on] ** -2.0)
+    F = b.F[c, w][:, on]
+    b.x[c] += F @ f[on]
+    b.P[c] += F @ covariance @ F.T
+    inject(b.x[c], b.R[c])
+    restart_windows(b, c, now)
+    return f
+
+
+def observe_fault(b: Bank, c: int, axis: int, fault: float, std: float) -> None:
+    """Let a filter know what another IMU says of one of its faults."""
+    h = np.zeros(N)
+    h[F_ACC + axis] = 1.0
+    nu = fault - b.x[c, F_ACC + axis]
+    scalar_update(b.x[c], b.P[c], b.F[c], b.L[c], b.Y[c], h, nu, std * std)
+    inject(b.x[c], b.R[c])
