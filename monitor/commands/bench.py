@@ -20,6 +20,14 @@ __all__ = ["bench"]
 
 FLIGHT = "small-uav-healthy"
 LIVE_IMU_HZ = 200.0
+NAMES = {
+    "air": ("mhe_step_n3", "mhe_stage_n100_over_n10", "mhe_converged_n10"),
+    "imu": ("atsekf_step",),
+    "links": ("decode_tlog", "decode_live", "udp_roundtrip"),
+    "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms"),
+}
+"""Module of ``monitor.commands.bench_cases`` -> what it measures."""
+
 CIRCUITS_S = 100.0
 """Least time that the flight's circuits take [s]."""
 
@@ -63,20 +71,32 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
     Refused
         A name that no case has, or a log that cannot be read.
     """
-    from monitor.commands.bench_cases import air, imu, links, whole
+    wanted = only or [name for names in NAMES.values() for name in names]
+    for name in wanted:
+        if not any(name in names for names in NAMES.values()):
+            known = ", ".join(name for names in NAMES.values() for name in names)
+            raise Refused(f"nothing to measure is called {name}; known are {known}")
+    cases: list[BenchCase] = []
+    if set(wanted) & set(NAMES["imu"]):
+        from monitor.commands.bench_cases import imu
 
+        cases += imu.cases()
+    if set(wanted) & set(NAMES["air"]):
+        from monitor.commands.bench_cases import air
+
+        cases += air.cases()
     log = log or _synthetic(folder)
     if not log.is_file():
         raise Refused(f"cannot read {log}")
-    long_flight = partial(_long_flight, folder, 60.0 * minutes)
-    cases = [*imu.cases(), *air.cases(), *links.cases(log), *whole.cases(log, long_flight, minutes)]
-    if not only:
-        return cases
-    unknown = sorted(set(only) - {case.name for case in cases})
-    if unknown:
-        known = ", ".join(case.name for case in cases)
-        raise Refused(f"nothing to measure is called {unknown[0]}; known are {known}")
-    return [case for case in cases if case.name in only]
+    if set(wanted) & set(NAMES["links"]):
+        from monitor.commands.bench_cases import links
+
+        cases += links.cases(log, folder)
+    if set(wanted) & set(NAMES["whole"]):
+        from monitor.commands.bench_cases import whole
+
+        cases += whole.cases(log, partial(_long_flight, folder, 60.0 * minutes), minutes)
+    return [case for case in cases if case.name in wanted]
 
 
 def _synthetic(folder: Path) -> Path:

@@ -60,9 +60,10 @@ def run(
         signal.signal(number, lambda received, frame: sys.exit(0))
     for number in TELL:
         signal.signal(number, signal.SIG_IGN)
-    settings = load_settings(profile, config)
     with ExitStack() as stack:
+        # First of all, so that what arrives while we get ready waits in the link's buffer.
         link_in = stack.enter_context(open_link(source))
+        settings = load_settings(profile, config)
         links_out = [stack.enter_context(open_link(sink)) for sink in sinks or ()]
         note(f"mavsentry: listening on {source}")
         pipeline, daemon = _assemble(settings, link_in, links_out, record, stack)

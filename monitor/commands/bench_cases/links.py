@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
-import socket
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from links.endpoints.udp import UdpEndpoint
 from links.logs import read_tlog
 from links.mavlink import Decoder
 from links.mavlink.dialect import load_dialect
@@ -24,10 +23,14 @@ PEER_BYTES = 400_000
 """A log reader that makes an object of every message gets this much of the log only."""
 
 
-def cases(log: Path) -> list[BenchCase]:
-    """Cases on the frames of a telemetry log."""
+def cases(log: Path, folder: Path) -> list[BenchCase]:
+    """Cases on the frames of a telemetry log; ``folder`` takes what a peer must read."""
     frames = _frames(log)
-    return [_decode_tlog(log, len(frames)), _decode_live(frames[:4000]), _udp_roundtrip(frames)]
+    return [
+        _decode_tlog(log, len(frames), folder),
+        _decode_live(frames[:4000]),
+        _udp_roundtrip(frames[:100]),
+    ]
 
 
 def _frames(log: Path) -> list[bytes]:
@@ -36,21 +39,19 @@ def _frames(log: Path) -> list[bytes]:
     return [frame for part in parts for frame, _ in whole_frames(part)]
 
 
-def _decode_tlog(log: Path, messages: int) -> BenchCase:
+def _decode_tlog(log: Path, messages: int, folder: Path) -> BenchCase:
     def ours() -> int:
         return sum(len(batch) for batch in read_tlog(log))
 
     peers: dict[str, Callable[[], object]] = {}
     peer_calls = {}
     if importlib.util.find_spec("pymavlink"):
-        folder = tempfile.TemporaryDirectory(prefix="mavsentry-bench-")
-        part = Path(folder.name) / "part.tlog"
+        part = folder / "part.tlog"
         part.write_bytes(log.read_bytes()[:PEER_BYTES])
 
         def pymavlink() -> int:
             from pymavlink import mavutil
 
-            assert folder.name  # keeps the folder for as long as the case
             count = 0
             reader = mavutil.mavlogfile(str(part))
             while reader.recv_msg() is not None:
@@ -99,24 +100,21 @@ def _decode_live(frames: list[bytes]) -> BenchCase:
 
 
 def _udp_roundtrip(frames: list[bytes]) -> BenchCase:
-    near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    for end in (near, far):
-        end.bind(("127.0.0.1", 0))
-        end.settimeout(1.0)
-    to_far, to_near = far.getsockname(), near.getsockname()
-
     def ours() -> None:
-        for frame in frames[:100]:
-            near.sendto(frame, to_far)
-            far.sendto(far.recv(2048), to_near)
-            near.recv(2048)
+        far = UdpEndpoint("far", "127.0.0.1", 0, listen=True)
+        near = UdpEndpoint("near", "127.0.0.1", far.port, listen=False)
+        with far, near:
+            for frame in frames:
+                near.send(frame)
+                ((echo, _),) = far.recv(1.0)
+                far.send(echo)
+                near.recv(1.0)
 
     return BenchCase(
         "udp_roundtrip",
         run=ours,
-        calls=100,
-        note="a frame over UDP loopback there and back, the floor of every latency",
+        calls=len(frames),
+        note="a frame over UDP loopback there and back through our endpoints: the floor of latency",
     )
 
 
