@@ -42,7 +42,7 @@ def why(verdict: Verdict) -> str:
     if verdict.state is State.FAULTY:
         size = size_phrase(verdict)
         shape = "" if str(verdict.kind) in ("unknown", size) else f", {verdict.kind}"
-        return f"{size}{shape}. {verdict.evidence}".strip()
+        return f"{size}{shape}: {verdict.evidence}" if verdict.evidence else f"{size}{shape}"
     return str(verdict.reason or verdict.evidence)
 
 

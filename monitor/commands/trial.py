@@ -233,6 +233,9 @@ class _Commentary:
                 )
                 if fault[key] is not None
             )
+            airborne_s = truth["airborne"]["from_s"]
+            if airborne_s is not None:
+                self._events.insert(0, (self._first_us + round(airborne_s * 1e6), "  takes off"))
         while self._events and self._events[0][0] <= self._listener.t_us:
             self._tell(*self._events.pop(0))
         messages = list(self._listener.messages)
