@@ -68,8 +68,8 @@ def load_settings(profile: str | None, config: Path | None) -> Settings:
 
 
 @contextmanager
-def open_link(spec: str) -> Iterator[Endpoint]:
-    """An endpoint of this connection string, closed afterwards.
+def open_link(spec: str, *, write: bool = False) -> Iterator[Endpoint]:
+    """An endpoint of this connection string, closed afterwards; ``write`` makes a file anew.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def open_link(spec: str) -> Iterator[Endpoint]:
     from links.endpoints import LinkError, open_endpoint
 
     try:
-        link = open_endpoint(spec)
+        link = open_endpoint(spec, write=write)
     except LinkError as error:
         raise Refused(str(error)) from None
     with link:

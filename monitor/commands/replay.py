@@ -17,6 +17,9 @@ CHUNK_BYTES = 1 << 16
 MAX_FRAMES_PER_S = 5000.0
 """Pace of ``--speed max``: a receiver's buffer must hold what comes between two of its turns."""
 
+GAP_MAX_S = 10.0
+"""A longer pause of the recording is cut to this."""
+
 
 def speed_of(text: str) -> float | None:
     """Factor of real time; None for ``max``.
@@ -52,13 +55,11 @@ def replay(
     sent = 0
     with open_link(to) as link, progress(f"replaying {log.name}") as tell:
         began_s = time.monotonic()
-        first_us: int | None = None
+        due_s, last_us = 0.0, None
         for stamp_us, frame, fraction in frames:
-            if first_us is None:
-                first_us = stamp_us
-            due_s = (
-                sent / MAX_FRAMES_PER_S if factor is None else (stamp_us - first_us) / 1e6 / factor
-            )
+            gap_s = 0.0 if last_us is None else min((stamp_us - last_us) / 1e6, GAP_MAX_S)
+            due_s += 1.0 / MAX_FRAMES_PER_S if factor is None else gap_s / factor
+            last_us = stamp_us
             ahead_s = began_s + due_s - time.monotonic()
             if ahead_s > 0.001:
                 tell(fraction)

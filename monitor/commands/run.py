@@ -43,7 +43,11 @@ def run(
     ] = "udpin:0.0.0.0:14550",
     sinks: Annotated[
         list[str] | None,
-        typer.Option("--out", metavar="LINK", help="Publish here too; may be given several times."),
+        typer.Option(
+            "--out",
+            metavar="LINK",
+            help="Publish here too (a link, or a new FILE.tlog); may be given several times.",
+        ),
     ] = None,
     profile: Profile = None,
     config: ConfigFile = None,
@@ -64,7 +68,7 @@ def run(
         # First of all, so that what arrives while we get ready waits in the link's buffer.
         link_in = stack.enter_context(open_link(source))
         settings = load_settings(profile, config)
-        links_out = [stack.enter_context(open_link(sink)) for sink in sinks or ()]
+        links_out = [stack.enter_context(open_link(sink, write=True)) for sink in sinks or ()]
         note(f"mavsentry: listening on {source}")
         pipeline, daemon = _assemble(settings, link_in, links_out, record, stack)
         from monitor.commands.screen import output, tell_status

@@ -68,7 +68,7 @@ def _decode_tlog(log: Path, messages: int, folder: Path) -> BenchCase:
         peers=peers,
         note="time per message of a telemetry log; ours gives checked SI rows, the peer objects",
         peer_calls=peer_calls,
-        missing=_missing("fasttlogparser", "mavparser"),
+        missing=_missing("fasttlogparser"),
     )
 
 
