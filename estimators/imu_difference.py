@@ -80,6 +80,15 @@ N_DIFF2, N_LOG_BASE, N_SLOPE, N_SAME_S, N_SAME, N_REPEAT, N_ZERO_S, N_SEEN = ran
 value has not moved, for how many samples, learnt share of repeated values, since when all six are
 zero, samples seen."""
 
+ZERO_S = 0.3
+LOG_NOISE = 1.5
+REST_NATS = 40.0
+REST_S = 1.0
+REST_SAMPLES = 10.0
+LEAST_SHARE = 1e-3
+"""All six exactly zero for this long: no data. Rms above e^1.5 of its usual: worth a look. A value
+that has not moved although it used to, with odds of e^40, for a second and ten samples: stuck."""
+
 NOISE_BASELINE_S = 60.0
 NOISE_S = 2.0
 
@@ -258,9 +267,11 @@ def watch_noise(
         else:
             s[N_SAME, c] += 1.0
         if learn:
-            # Runs are counted as they happen, so a value that has stuck teaches slowly.
             gain = max(1.0 / (s[N_SEEN, c] + 20.0), min(1.0, dt / NOISE_BASELINE_S))
-            if s[N_SAME, c] < 5.0:
+            # A rest that is becoming improbable teaches nothing: else a stuck value would excuse
+            # itself.
+            share = min(max(s[N_REPEAT, c], LEAST_SHARE), 1.0)
+            if -s[N_SAME, c] * math.log(share) < 0.5 * REST_NATS:
                 s[N_REPEAT, c] += gain * ((1.0 if same else 0.0) - s[N_REPEAT, c])
             level = math.log(max(s[N_DIFF2, c], 1e-12))
             if s[N_SEEN, c] == 0.0:
@@ -285,19 +296,11 @@ def odd_noise(noise: Array, imu: int, now: float) -> bool:
     return odd
 
 
-ZERO_S = 0.3
-LOG_NOISE = 1.5
-REST_NATS = 40.0
-REST_S = 1.0
-REST_SAMPLES = 10.0
-"""All six exactly zero for this long: no data. Rms above e^1.5 of its usual: worth a look. A value
-that has not moved although it used to, with odds of e^40, for a second and ten samples: stuck."""
-
-
 @kernel
 def improbable_rest(noise: Array, imu: int, axis: int, now: float) -> float:
     """How improbable it is that a healthy value has not moved for so long; stuck above 1."""
     s = noise[imu]
     if now - s[N_SAME_S, axis] < REST_S or s[N_SAME, axis] < REST_SAMPLES:
         return 0.0
-    return -s[N_SAME, axis] * math.log(min(max(s[N_REPEAT, axis], 1e-3), 1.0)) / REST_NATS
+    share = min(max(s[N_REPEAT, axis], LEAST_SHARE), 1.0)
+    return -s[N_SAME, axis] * math.log(share) / REST_NATS

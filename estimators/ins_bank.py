@@ -28,11 +28,13 @@ from estimators.ins_bank_state import (
     ATTITUDE,
     BARO,
     C_CHANGED,
+    C_FIX_S,
     C_FLYING,
     C_GPS_BAD_S,
     C_GRAVITY,
     C_NOW,
     C_POS_E,
+    C_POS_M,
     C_POS_N,
     C_POS_T,
     C_SPIN_S,
@@ -100,7 +102,11 @@ TURN_TAU_S = 0.5
 GPS_CHECK_S = 2.0
 GPS_CONTRADICTION_M = 1.5
 GPS_DISTRUST_S = 5.0
-"""Position against integrated velocity of the receiver itself (deployed form's figures)."""
+GPS_GAP_S = 1.0
+"""Position against integrated velocity of the receiver itself over 2 s, and a gap of 1 s (the
+deployed form's figures), or of two and a half intervals of a slow receiver."""
+GPS_CONTRADICTION = 0.01
+"""Share of the distance flown that the figure of the earth (a sphere here) and scale may cost."""
 
 JOLT_S = 0.6
 """Jolts of all IMUs this close together are one jolt of the receiver."""
@@ -186,11 +192,15 @@ def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
             c[C_POS_E] += (lon - b.ref[R_LON]) * EARTH_RADIUS_M * math.cos(lat) - 0.5 * dt * (
                 z[1] + b.ref[R_VE]
             )
-            if dt > 1.0 or math.hypot(c[C_POS_N], c[C_POS_E]) > GPS_CONTRADICTION_M:
+            c[C_POS_M] += dt * math.hypot(z[0], z[1])
+            limit = GPS_CONTRADICTION_M + GPS_CONTRADICTION * c[C_POS_M]
+            gap = dt > max(GPS_GAP_S, 2.5 * c[C_FIX_S])
+            c[C_FIX_S] += 0.1 * (min(dt, 2.0) - c[C_FIX_S])
+            if gap or math.hypot(c[C_POS_N], c[C_POS_E]) > limit:
                 c[C_GPS_BAD_S] = t + GPS_DISTRUST_S
                 b.aligned_s[:] = np.nan
-            if dt > 1.0 or t - c[C_POS_T] > GPS_CHECK_S:
-                c[C_POS_N], c[C_POS_E], c[C_POS_T] = 0.0, 0.0, t
+            if gap or t - c[C_POS_T] > GPS_CHECK_S:
+                c[C_POS_N], c[C_POS_E], c[C_POS_M], c[C_POS_T] = 0.0, 0.0, 0.0, t
         else:
             c[C_POS_T] = t
         c[C_GRAVITY] = gravity(lat, alt)

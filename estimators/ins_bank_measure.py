@@ -34,7 +34,6 @@ from estimators.ins_bank_model import (
     N,
     close_interval,
     inject,
-    product,
     scalar_update,
 )
 from estimators.ins_bank_state import (
@@ -66,10 +65,18 @@ White samples have 1 / sqrt(2) of it. The deployed form's trials used 0.3, which
 vibration; samples that alias turbulence, as the simulator's do, need the whole.
 """
 
+ALIGN_FIX_S = 1.2
+"""A filter is aligned with a velocity no older than this: GPS at 1 Hz is the slowest in use."""
+ALIGN_STD = (3.0, 3.0, 0.05, 0.1)
+"""Uncertainty after alignment: velocity [m/s], height [m], tilt and heading [rad]."""
+
+FIX_S = 0.2
+NIS_AFTER_S = 2.0
 NIS_TAU_S = 30.0
 NIS_CLIP = 30.0
 NIS_FIRST = 2.0
-"""Running mean of the innovations' square: its time constant, largest term and first value."""
+"""Running mean of the innovations' square: its time constant (for a fix every
+0.2 s), largest term and first value; terms count from two seconds after the alignment."""
 
 GPS_JOLT_M_S = 2.5
 """A velocity disagrees with the IMU by this much more, from fix to fix, than from the fix before
@@ -96,11 +103,9 @@ def _align(b: Bank, p: Tuning, c: int, t: float) -> None:
     P = b.P[c]
     P[:] = 0.0
     for i in range(3):
-        P[VEL + i, VEL + i] = 9.0
-    P[HGT, HGT] = 9.0
-    for i in range(2):
-        P[PHI + i, PHI + i] = 0.05**2
-    P[PHI + 2, PHI + 2] = 0.1**2
+        P[VEL + i, VEL + i] = ALIGN_STD[0] ** 2
+        P[PHI + i, PHI + i] = ALIGN_STD[2 if i < 2 else 3] ** 2
+    P[HGT, HGT] = ALIGN_STD[1] ** 2
     for i in range(6):
         P[F_ACC + i, F_ACC + i] = p.turn_on_std[i] ** 2
         if known[i] > 0.0:
@@ -118,104 +123,137 @@ def _align(b: Bank, p: Tuning, c: int, t: float) -> None:
 
 
 @kernel
-def _measure_gps(b: Bank, p: Tuning, c: int, t: float, z: Array) -> None:
-    x, P, R = b.x[c], b.P[c], b.R[c]
-    h = np.zeros(N)
-    x_before = x[:2].copy()
-    total, count = 0.0, 0
+def _velocity_rows(x: Array, p: Tuning, z: Array, H: Array, nu: Array, r: Array) -> int:
+    """Rows of the receiver's velocity; returns their number."""
+    m = 0
     for i in range(3):
-        if math.isnan(z[i]):
-            continue
-        std = p.gps_std_m_s if i < 2 else p.gps_down_std_m_s
-        if z[6] > std:
-            std = z[6]
-        h[:] = 0.0
-        h[VEL + i] = 1.0
-        total += scalar_update(x, P, b.F[c], b.L[c], b.Y[c], h, z[i] - x[VEL + i], std * std)
-        count += 1
-    e_n = z[0] - x_before[0] - b.fix[c, 0]
-    e_e = z[1] - x_before[1] - b.fix[c, 1]
+        if not math.isnan(z[i]):
+            std = max(p.gps_std_m_s if i < 2 else p.gps_down_std_m_s, z[6])
+            H[m, VEL + i] = 1.0
+            nu[m] = z[i] - x[VEL + i]
+            r[m] = std * std
+            m += 1
+    return m
+
+
+@kernel
+def _slip_row(x: Array, R: Array, p: Tuning, m: int, H: Array, nu: Array, r: Array) -> None:
+    """Row m: the aircraft meets the air nearly head-on, its lateral airspeed is small.
+
+    This ties heading to the receiver's velocity without the vehicle's own heading.
+    """
+    v0, v1, v2 = x[VEL] - x[WIND], x[VEL + 1] - x[WIND + 1], x[VEL + 2]
+    y0, y1, y2 = R[0, 1], R[1, 1], R[2, 1]
+    H[m, VEL], H[m, VEL + 1], H[m, VEL + 2] = y0, y1, y2
+    H[m, WIND], H[m, WIND + 1] = -y0, -y1
+    H[m, PHI] = y1 * v2 - y2 * v1
+    H[m, PHI + 1] = y2 * v0 - y0 * v2
+    H[m, PHI + 2] = y0 * v1 - y1 * v0
+    nu[m] = -(y0 * v0 + y1 * v1 + y2 * v2)
+    r[m] = p.slip_std_rad**2 * (v0 * v0 + v1 * v1 + v2 * v2) + p.gust_std_m_s**2
+
+
+@kernel
+def _attitude_rows(
+    x: Array, R: Array, p: Tuning, mode: int, q: Array, H: Array, nu: Array, r: Array
+) -> int:
+    """Rows of the attitude error ``log(R_att R')``; mode INS takes its heading alone."""
+    A = dcm_from_quaternion(q)
+    D = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                D[i, j] += A[i, k] * R[j, k]
+    angle = math.acos(min(1.0, max(-1.0, 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0))))
+    scale = 0.5 if angle < 1e-6 else 0.5 * angle / math.sin(angle)
+    m = 0
+    for i in range(0 if mode == ATT else 2, 3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        H[m, PHI + i] = 1.0
+        H[m, E_REF + i] = 1.0
+        nu[m] = scale * (D[k, j] - D[j, k]) - x[E_REF + i]
+        std = p.tilt_std_rad if i < 2 else p.heading_std_rad
+        r[m] = std * std
+        m += 1
+    return m
+
+
+@kernel
+def _judge_fix(b: Bank, c: int, t: float, z: Array, v_n: float, v_e: float) -> None:
+    """Note a jolt between two fixes; ``v_n``, ``v_e`` is the velocity before the update."""
+    e_n, e_e = z[0] - v_n - b.fix[c, 0], z[1] - v_e - b.fix[c, 1]
     shaken = 0.0
     for i in range(3):
         shaken += b.alias[c // 2, i]
     shaken = 4.0 * math.sqrt(2.0 * NOISE_FRACTION**2 * shaken * min(t - b.fix[c, 5], 1.0))
-    b.fix[c, 5] = t
     if math.hypot(e_n - b.fix[c, 2], e_e - b.fix[c, 3]) > max(GPS_JOLT_M_S, shaken):
         b.fix[c, 4] = t
-    b.fix[c, 0], b.fix[c, 1] = z[0] - x[VEL], z[1] - x[VEL + 1]
+    b.fix[c, 0], b.fix[c, 1] = z[0] - b.x[c, VEL], z[1] - b.x[c, VEL + 1]
     b.fix[c, 2], b.fix[c, 3] = e_n, e_e
-    gain = min(1.0, 0.2 / NIS_TAU_S)
-    if t - b.aligned_s[c] > 2.0:
-        b.nis[c] += gain * (min(total / max(count, 1), NIS_CLIP) - b.nis[c])
-    inject(x, R)
-    if c % 2 == INS and t - b.slip_s[c] >= SLIP_INTERVAL_S:
-        b.slip_s[c] = t
-        _measure_slip(b, p, c)
-        inject(x, R)
+    b.fix[c, 5] = t
 
 
 @kernel
-def _measure_slip(b: Bank, p: Tuning, c: int) -> None:
-    """The aircraft meets the air nearly head-on: its lateral airspeed is small.
-
-    This ties heading to the receiver's velocity without the vehicle's own heading.
-    """
+def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
+    """Bring one aligned filter to time t and let it use a measurement."""
+    mode = c % 2
     x, R = b.x[c], b.R[c]
-    v0, v1, v2 = x[VEL] - x[WIND], x[VEL + 1] - x[WIND + 1], x[VEL + 2]
-    y0, y1, y2 = R[0, 1], R[1, 1], R[2, 1]
-    h = np.zeros(N)
-    h[VEL], h[VEL + 1], h[VEL + 2] = y0, y1, y2
-    h[WIND], h[WIND + 1] = -y0, -y1
-    h[PHI], h[PHI + 1], h[PHI + 2] = y1 * v2 - y2 * v1, y2 * v0 - y0 * v2, y0 * v1 - y1 * v0
-    lateral = y0 * v0 + y1 * v1 + y2 * v2
-    speed2 = v0 * v0 + v1 * v1 + v2 * v2
-    r = p.slip_std_rad**2 * speed2 + p.gust_std_m_s**2
-    scalar_update(x, b.P[c], b.F[c], b.L[c], b.Y[c], h, -lateral, r)
-
-
-@kernel
-def _measure_attitude(b: Bank, p: Tuning, c: int, q: Array) -> None:
-    x, R = b.x[c], b.R[c]
-    D = product(dcm_from_quaternion(q), R.T)
-    cos = min(1.0, max(-1.0, 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)))
-    angle = math.acos(cos)
-    scale = 0.5 if angle < 1e-6 else 0.5 * angle / math.sin(angle)
-    r = np.empty(3)
-    r[0] = scale * (D[2, 1] - D[1, 2])
-    r[1] = scale * (D[0, 2] - D[2, 0])
-    r[2] = scale * (D[1, 0] - D[0, 1])
-    h = np.zeros(N)
-    first = 0 if c % 2 == ATT else 2
-    for i in range(first, 3):
-        h[:] = 0.0
-        h[PHI + i] = 1.0
-        h[E_REF + i] = 1.0
-        std = p.tilt_std_rad if i < 2 else p.heading_std_rad
-        nu = r[i] - x[PHI + i] - x[E_REF + i]
-        scalar_update(x, b.P[c], b.F[c], b.L[c], b.Y[c], h, nu, std * std)
+    close_interval(x, b.P[c], b.F[c], b.acc[c], p.ref_std[mode], p.ref_tau[mode], b.qf[c])
+    H, nu, r = np.zeros((4, N)), np.zeros(4), np.zeros(4)
+    v_n, v_e = x[VEL], x[VEL + 1]
+    m, velocities = 0, 0
+    if kind == GPS:
+        m = velocities = _velocity_rows(x, p, z, H, nu, r)
+        if mode == INS and t - b.slip_s[c] >= SLIP_INTERVAL_S:
+            b.slip_s[c] = t
+            _slip_row(x, R, p, m, H, nu, r)
+            m += 1
+    elif kind == BARO:
+        H[0, HGT] = H[0, E_BARO] = 1.0
+        nu[0] = z[0] - x[HGT] - x[E_BARO]
+        r[0] = p.baro_std_m**2
+        m = 1
+    elif mode == ATT or t - b.slip_s[c] < 0.5 * SLIP_INTERVAL_S:
+        m = _attitude_rows(x, R, p, mode, z[:4].copy(), H, nu, r)
+    dx = np.zeros(N)
+    nis = 0.0
+    for i in range(m):
+        left = nu[i]
+        for j in range(N):
+            left -= H[i, j] * dx[j]
+        share = scalar_update(dx, b.P[c], b.F[c], b.L[c], b.Y[c], H[i], left, r[i])
+        if i < velocities:
+            nis += share / velocities
+    for j in range(N):
+        x[j] += dx[j]
     inject(x, R)
+    if kind == GPS:
+        _judge_fix(b, c, t, z, v_n, v_e)
+        if t - b.aligned_s[c] > NIS_AFTER_S:
+            gain = min(1.0, FIX_S / NIS_TAU_S)
+            b.nis[c] += gain * (min(nis, NIS_CLIP) - b.nis[c])
 
 
 @kernel
 def measure(b: Bank, p: Tuning, imu: int, t: float, kind: int, z: Array) -> None:
-    """Let both filters of an IMU use a measurement at its validity time."""
-    for mode in range(2):
-        c = 2 * imu + mode
-        if math.isnan(b.aligned_s[c]):
-            fresh = t - b.ref[R_T_GPS] < 1.0 and b.clock[C_FLYING] == 1.0
-            fresh = fresh and t >= b.clock[C_GPS_BAD_S]
-            if kind == ATTITUDE and fresh:
-                _align(b, p, c, t)
+    """Let both filters of an IMU use a measurement at its validity time.
+
+    Parameters
+    ----------
+    b : Bank
+        Changed in place; a filter that is not aligned is aligned by an attitude.
+    p : Tuning
+    imu : int
+    t : float [s]
+    kind : int
+        GPS, BARO or ATTITUDE.
+    z : (8,) float64
+        See :data:`~estimators.ins_bank_state.EVENT_WIDTH`.
+    """
+    for c in range(2 * imu, 2 * imu + 2):
+        if not math.isnan(b.aligned_s[c]):
+            _update(b, p, c, t, kind, z)
             continue
-        close_interval(b.x[c], b.P[c], b.F[c], b.acc[c], p.ref_std[mode], p.ref_tau[mode], b.qf[c])
-        if kind == GPS:
-            _measure_gps(b, p, c, t, z)
-        elif kind == BARO:
-            h = np.zeros(N)
-            h[HGT] = 1.0
-            h[E_BARO] = 1.0
-            nu = z[0] - b.x[c, HGT] - b.x[c, E_BARO]
-            scalar_update(b.x[c], b.P[c], b.F[c], b.L[c], b.Y[c], h, nu, p.baro_std_m**2)
-            inject(b.x[c], b.R[c])
-        elif mode == ATT or t - b.slip_s[c] < 0.5 * SLIP_INTERVAL_S:
-            _measure_attitude(b, p, c, z[:4].copy())
+        fresh = t - b.ref[R_T_GPS] < ALIGN_FIX_S and t >= b.clock[C_GPS_BAD_S]
+        if kind == ATTITUDE and fresh and b.clock[C_FLYING] == 1.0:
+            _align(b, p, c, t)

@@ -94,18 +94,19 @@ class Bank(NamedTuple):
     integral: Array  # (I, 6) running integral of each IMU
     pair: Array  # (I, I, PAIR_ROWS, 6) difference tests, see imu_difference
     noise: Array  # (I, 8, 6) noise and stuck tests, see imu_difference
-    clock: Array  # (11,) see C_* below
+    clock: Array  # (13,) see C_* below
 
 
 R_T_GPS, R_VN, R_VE, R_VD, R_LAT, R_ALT, R_LON, R_T_BARO, R_HGT, R_T_ATT, R_Q = range(11)
 """Columns of ``Bank.ref``: when each reference was last seen [s] and what it said."""
 
 C_FLYING, C_TICK, C_NOW, C_GRAVITY, C_POS_N, C_POS_E, C_POS_T, C_GPS_BAD_S = range(8)
-C_CHANGED, C_SPIN_S, C_STOPPED = 8, 9, 10
+C_CHANGED, C_SPIN_S, C_STOPPED, C_FIX_S, C_POS_M = range(8, 13)
 """Columns of ``Bank.clock``: flying flag, last closed tick, time of the last event, local gravity;
 receiver position minus integrated receiver velocity over the last interval and its start;
 time until which the receiver contradicts itself; whether something changed that the caller must
-know; when the aircraft last turned too fast; whether :func:`run` stopped at a tick."""
+know; when the aircraft last turned too fast; whether :func:`run` stopped at a tick;
+usual interval of fixes; distance flown over that interval."""
 
 
 def make_bank(n_imus: int, tuning: Tuning) -> Bank:
@@ -139,5 +140,5 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         integral=np.zeros((n_imus, 6)),
         pair=np.zeros((n_imus, n_imus, PAIR_ROWS, 6)),
         noise=np.zeros((n_imus, 8, 6)),
-        clock=np.array([0.0, -1.0, nan, 9.80665, 0.0, 0.0, nan, -1e9, 0.0, -1e9, 0.0]),
+        clock=np.array([0.0, -1.0, nan, 9.80665, 0.0, 0.0, nan, -1e9, 0.0, -1e9, 0.0, 0.2, 0.0]),
     )
