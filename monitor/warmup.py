@@ -41,7 +41,9 @@ _SENSORS = (
     "heartbeat",
 )
 _G0_M_S2 = 9.80665
+_EARTH_M = 6.371e6
 _AOA_RAD = 0.05
+_ALT_M, _STATIC_PRESS_PA = 200.0, 98945.0
 
 
 def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) -> float:
@@ -69,7 +71,7 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
 
 
 def made_up_flight(speed_m_s: float) -> Batch:
-    """Straight flight north from a standstill's end, in still air, in which sensors break.
+    """Straight and level flight north in still air, in which sensors break.
 
     Parameters
     ----------
@@ -90,23 +92,23 @@ def made_up_flight(speed_m_s: float) -> Batch:
         elif name == "attitude":
             r["q_ned_from_frd"] = (np.cos(_AOA_RAD / 2), 0.0, np.sin(_AOA_RAD / 2), 0.0)
         elif name in ("gps0", "nav"):
-            r["vel_ned_m_s"][:, 0] = np.where(t_s > 3.0, speed_m_s, 0.0) + 0.05 * noise
-            r["alt_m"] = np.clip(20.0 * (t_s - 3.0), 0.0, 200.0)
-            r["lat_rad"], r["lon_rad"] = 0.8, 0.1
+            r["vel_ned_m_s"][:, 0] = speed_m_s + 0.05 * noise
+            r["alt_m"] = _ALT_M
+            r["lat_rad"], r["lon_rad"] = 0.8 + speed_m_s * t_s / _EARTH_M, 0.1
             if name == "gps0":
                 r["fix_type"], r["satellites"], r["vel_std_m_s"] = 3, 12, 0.1
                 r["h_std_m"], r["v_std_m"], r["stamp_us"] = 1.0, 1.5, r["t_us"]
             else:
                 r["height_m"] = r["alt_m"]
         elif name.startswith("airspeed"):
-            r["cas_m_s"] = np.where(t_s > 3.0, speed_m_s, 0.0) + 0.1 * noise
+            r["cas_m_s"] = speed_m_s + 0.1 * noise
             r["cas_m_s"][late & (name == "airspeed0")] *= 0.5
             r["diff_press_pa"] = r["cas_m_s"] ** 2 / 2.0
         elif name.startswith("aoa"):
             r["aoa_rad"] = _AOA_RAD + 0.002 * noise
             r["aoa_rad"][late & (name == "aoa0")] += 0.2
         elif name == "baro0":
-            r["static_press_pa"], r["temperature_k"] = 98945.0, 286.85
+            r["static_press_pa"], r["temperature_k"] = _STATIC_PRESS_PA + noise, 286.85
         elif name == "heartbeat":
             r["vehicle_type"], r["autopilot"], r["armed"], r["system_status"] = 1, 3, True, 4
     return Batch(_numbered(rows))
