@@ -61,6 +61,7 @@ __all__ = [
     "TriplexTuning",
     "fuse",
     "residual_rms",
+    "roll_back",
     "triplex_run",
 ]
 
@@ -181,7 +182,7 @@ def _against_remembered_wind(theta: Array, V_z: float, W: Array, air: Array) -> 
 
 
 @kernel
-def _roll_back(
+def roll_back(
     ring: Array, newest: int, filled: int, t_s: float, bound: float, base: int, change: float
 ) -> float:
     """Wind before the onset of a fault that all sensors of a channel share.
@@ -397,7 +398,7 @@ def triplex_run(
                     if k > 0:
                         bound = min(tuning[4, w], 1e6)
                         change = par[P_CHANGE_X] if ch == 1 else par[P_CHANGE_Z]
-                        back = _roll_back(
+                        back = roll_back(
                             winds[1 - ch], newest, min(k, S), t_s, bound, int(par[P_BASE]), change
                         )
                     held[1 - ch] = back
