@@ -47,8 +47,8 @@ def _fly(state: NDArray[np.float64], par: NDArray[np.float64], t: float) -> bool
     """Whether the aircraft on the ground has begun to fly."""
     fast = t - state[FAST_SINCE] >= par[P_CONFIRM_US]
     if np.isnan(state[H0]):
-        return fast
-    return fast and state[H] - state[H0] > par[P_TAKEOFF_HEIGHT]
+        return bool(fast)
+    return bool(fast and state[H] - state[H0] > par[P_TAKEOFF_HEIGHT])
 
 
 @kernel
@@ -58,7 +58,7 @@ def _stop(state: NDArray[np.float64], par: NDArray[np.float64], t: float) -> boo
     if above < par[P_LANDING_HEIGHT] and state[SINK] > 0.3:
         return True
     slow = t - state[SLOW_SINCE] >= par[P_CONFIRM_US]
-    return slow and not above > 2.0 * par[P_TAKEOFF_HEIGHT]
+    return bool(slow and not above > 2.0 * par[P_TAKEOFF_HEIGHT])
 
 
 @kernel

@@ -63,7 +63,11 @@ class PhaseTracker:
         count = fp.track_phase(
             self._state,
             self._par,
-            *(np.ascontiguousarray(events[name]) for name in _EVENT.names[1:] or ()),
+            np.ascontiguousarray(events["t_us"]),
+            np.ascontiguousarray(events["source"]),
+            np.ascontiguousarray(events["speed_m_s"]),
+            np.ascontiguousarray(events["height_m"]),
+            np.ascontiguousarray(events["sink_m_s"]),
             index,
         )
         out = np.zeros(count, PHASE_ROW)
