@@ -80,6 +80,9 @@ N_DIFF2, N_LOG_BASE, N_SLOPE, N_SAME_S, N_SAME, N_REPEAT, N_ZERO_S, N_SEEN = ran
 value has not moved, for how many samples, learnt share of repeated values, since when all six are
 zero, samples seen."""
 
+KNOWN_SAMPLES = 200.0
+"""Samples in flight before an IMU's usual noise is known."""
+
 ZERO_S = 0.3
 LOG_NOISE = 1.5
 REST_NATS = 40.0
@@ -259,6 +262,8 @@ def watch_noise(
         slope = u[c] - last[c]
         bend = slope - s[N_SLOPE, c]
         s[N_SLOPE, c] = slope
+        if s[N_DIFF2, c] == 0.0:
+            s[N_DIFF2, c] = bend * bend
         s[N_DIFF2, c] += min(1.0, dt / NOISE_S) * (bend * bend - s[N_DIFF2, c])
         same = u[c] == last[c]
         if not same:
@@ -276,7 +281,9 @@ def watch_noise(
             level = math.log(max(s[N_DIFF2, c], 1e-12))
             if s[N_SEEN, c] == 0.0:
                 s[N_LOG_BASE, c] = level
-            s[N_LOG_BASE, c] += gain * (level - s[N_LOG_BASE, c])
+            known = s[N_SEEN, c] >= KNOWN_SAMPLES
+            loud = known and level - s[N_LOG_BASE, c] > 2.0 * LOG_NOISE
+            s[N_LOG_BASE, c] += (SLOWER * gain if loud else gain) * (level - s[N_LOG_BASE, c])
             s[N_SEEN, c] += 1.0
         zero = zero and u[c] == 0.0
     if not zero:
@@ -287,7 +294,7 @@ def watch_noise(
 def odd_noise(noise: Array, imu: int, now: float) -> bool:
     """Whether an IMU's noise, or a value that stands still, deserves a decision."""
     s = noise[imu]
-    if s[N_SEEN, 0] < 50.0:
+    if s[N_SEEN, 0] < KNOWN_SAMPLES:
         return False
     odd = now - s[N_ZERO_S, 0] > ZERO_S
     for c in range(6):

@@ -70,6 +70,7 @@ ALIGN_FIX_S = 1.2
 ALIGN_STD = (3.0, 3.0, 0.05, 0.1)
 """Uncertainty after alignment: velocity [m/s], height [m], tilt and heading [rad]."""
 
+UNKNOWN_HEIGHT_M = 1e4
 FIX_S = 0.2
 NIS_AFTER_S = 2.0
 NIS_TAU_S = 30.0
@@ -105,7 +106,8 @@ def _align(b: Bank, p: Tuning, c: int, t: float) -> None:
     for i in range(3):
         P[VEL + i, VEL + i] = ALIGN_STD[0] ** 2
         P[PHI + i, PHI + i] = ALIGN_STD[2 if i < 2 else 3] ** 2
-    P[HGT, HGT] = ALIGN_STD[1] ** 2
+    known_height = not math.isnan(b.ref[R_HGT])
+    P[HGT, HGT] = (ALIGN_STD[1] if known_height else UNKNOWN_HEIGHT_M) ** 2
     for i in range(6):
         P[F_ACC + i, F_ACC + i] = p.turn_on_std[i] ** 2
         if known[i] > 0.0:

@@ -17,8 +17,6 @@ from monitor.watch.imu_record import Array, Record
 __all__ = ["BareTests"]
 
 ESTIMATOR = "estimators.imu_difference"
-LEAST_SAMPLES = 50
-"""Samples in flight before an IMU's usual noise is known."""
 SIXTH = 1.0 / 6.0
 """Mean square second difference of white noise is six times its variance."""
 
@@ -33,7 +31,7 @@ class BareTests:
         """Judge the live IMUs; yields new faults."""
         r = self._record
         noise = r.bank.noise
-        known = [i for i in live if noise[i, difference.N_SEEN, 0] >= LEAST_SAMPLES]
+        known = [i for i in live if noise[i, difference.N_SEEN, 0] >= difference.KNOWN_SAMPLES]
         rise = {i: self._rise(i) for i in known}
         limit = math.log(r.settings.noise_ratio)
         for i in known:

@@ -68,7 +68,8 @@ class Judge:
             faulty = any(a.faulty for i in whole for a in r.units[i].axes)
             if len(whole) == 1 and trusted:
                 found += self._lone.step(whole[0])
-            elif whole and self._pairs.quiet() and not faulty and self._lone.shared(whole):
+            peaceful = len(trusted) == len(whole) > 1 and self._pairs.quiet() and not faulty
+            if peaceful and self._lone.shared(whole):
                 self._contradicted_s = now
             reasons = {i: self._reason(i) for i in live}
         else:

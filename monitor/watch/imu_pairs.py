@@ -130,11 +130,12 @@ class PairTests:
         i, j = key
         pair = r.pairs[key]
         z = r.bank.pair[i, j, difference.D_Z : difference.D_Z + 3]
-        m = r.bank.pair[i, j, difference.D_MEAN : difference.D_MEAN + 3]
-        d = m[np.abs(z).argmax(axis=0), np.arange(6)]
+        d = self._present(key, pair)
         out: list[Verdict] = []
         left = []
         for k in axes:
+            if any(r.units[imu].axes[k].faulty for imu in key):
+                continue  # the vote of another pair has just decided
             guilty = _voted(whole, key, k, alarms)
             if guilty is None:
                 left.append(k)
@@ -158,6 +159,20 @@ class PairTests:
             for k in left:
                 pair.undecided[k] = r.t_us - (pair.latches[k].since_us or 0) > wait
         return out
+
+    def _present(self, key: Key, pair: Pair) -> Array:
+        """Difference of a pair now, over the last second but not before it began, (6,) [SI]."""
+        r = self._record
+        s = r.bank.pair[key]
+        count = int(s[difference.D_COUNT, 0])
+        d = np.empty(6)
+        for k in range(6):
+            age_s = r.now_s - pair.onset_s[k]
+            bins = 1 if math.isnan(age_s) else int(age_s / r.tuning.tick_s) - 1
+            rows = [(count - 1 - q) % 15 for q in range(min(max(bins, 1), 5, count))]
+            ring = s[difference.D_RING : difference.D_RING + 15, k]
+            d[k] = ring[rows].mean() - s[difference.D_BASE, k]
+        return d
 
     def _odds(self, i: int, j: int, axes: list[int]) -> float:
         """Log likelihood of "their difference is the fault of i" against "of j"."""

@@ -1,0 +1,215 @@
+"""The IMU watch on synthetic flights: one thing broken, found, and nothing else blamed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from links.vocabulary import Kind, Reason, State
+from tests.monitor.imu_flights import (
+    fault,
+    faults_of,
+    judge,
+    pieces,
+    rows_of,
+    scenario,
+    start_us,
+)
+
+TURBULENCE = ({"kind": "dryden", "wind_6m_m_s": 12.0},)
+
+
+def seconds(rows, verdict):
+    return (verdict.t_us - start_us(rows)) * 1e-6
+
+
+@pytest.mark.parametrize("aircraft", ["small-uav", "transport"])
+@pytest.mark.parametrize("imus", [1, 2, 3])
+def test_a_healthy_flight_has_no_fault_and_is_monitored_after_two_seconds(aircraft, imus) -> None:
+    rows = rows_of(scenario(aircraft, imus=imus).fly())
+    result = judge(rows)
+    assert faults_of(result) == []
+    ok = {v.sensor: seconds(rows, v) for v in result.verdicts if v.state is State.OK}
+    assert len(ok) == 6 * imus
+    assert max(ok.values()) < 2.5
+
+
+@pytest.mark.parametrize(
+    ("axis", "size", "limit_s"),
+    [
+        ("acc_x", 1.0, 2.0),
+        ("acc_y", -1.0, 2.0),
+        ("acc_z", 1.0, 4.0),
+        ("gyro_x", 2.0, 4.0),
+        ("gyro_y", -2.0, 4.0),
+        ("gyro_z", 2.0, 8.0),
+    ],
+)
+@pytest.mark.parametrize("broken", [0, 1])
+def test_of_two_imus_the_faulty_one_is_found_although_the_attitude_follows_it(
+    axis, size, limit_s, broken
+) -> None:
+    name = f"imu{broken}.{axis}"
+    rows = rows_of(scenario("small-uav", [fault(name, size, 60.0, 85.0)], follows=broken).fly())
+    result = judge(rows)
+    [found] = faults_of(result)
+    assert found.sensor == name
+    assert found.kind is Kind.BIAS
+    assert 60.0 < seconds(rows, found) < 60.0 + limit_s
+    assert (found.onset_t_us - start_us(rows)) * 1e-6 == pytest.approx(60.0, abs=1.0)
+    want = size if axis.startswith("acc") else np.radians(size)
+    assert found.magnitude == pytest.approx(want, rel=0.3)
+    assert f"agree with imu{1 - broken} and not with imu{broken}" in found.evidence
+    cleared = [v for v in result.verdicts if v.sensor == name and v.t_us > found.t_us]
+    assert [v.state for v in cleared] == [State.OK]
+    assert seconds(rows, cleared[0]) < 105.0
+
+
+@pytest.mark.parametrize(
+    ("axis", "size", "limit_s"),
+    [("acc_x", 1.0, 5.0), ("acc_z", 1.0, 5.0), ("gyro_x", 2.0, 6.0), ("gyro_z", 3.0, 12.0)],
+)
+def test_a_lone_imu_is_judged_without_the_attitude_that_follows_it(axis, size, limit_s) -> None:
+    name = f"imu0.{axis}"
+    rows = rows_of(scenario("small-uav", [fault(name, size, 60.0)], imus=1).fly())
+    [found] = faults_of(judge(rows))
+    assert found.sensor == name
+    assert 60.0 < seconds(rows, found) < 60.0 + limit_s
+    assert "contradict imu0" in found.evidence
+
+
+@pytest.mark.parametrize("axis", ["acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z"])
+def test_an_independent_attitude_isolates_the_axis_of_a_lone_imu(axis) -> None:
+    """The papers' own situation: transport, GPS velocity, attitude with its own gyros."""
+    name = f"imu0.{axis}"
+    flight = scenario("transport", [fault(name, 1.5, 60.0)], imus=1, follows=None).fly()
+    rows = rows_of(flight)
+    [found] = faults_of(judge(rows, attitude_independent=True))
+    assert found.sensor == name
+    assert 60.0 < seconds(rows, found) < 65.0
+    assert "attitude" in found.evidence
+
+
+def test_three_imus_vote() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu1.gyro_z", 2.0, 60.0)], imus=3).fly())
+    [found] = faults_of(judge(rows))
+    assert found.sensor == "imu1.gyro_z"
+    assert seconds(rows, found) < 62.0
+    assert "other IMUs agree" in found.evidence
+
+
+def test_without_a_reference_two_imus_disagree_and_neither_is_blamed() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu0.acc_x", 1.0, 60.0)]).fly())
+    gps = rows["gps0"]
+    rows["gps0"] = gps[gps["t_us"] < start_us(rows) + 50_000_000]
+    result = judge(rows)
+    assert faults_of(result) == []
+    told = {v.sensor for v in result.verdicts if v.reason is Reason.SENSORS_DISAGREE}
+    assert told == {"imu0.acc_x", "imu1.acc_x"}
+    missing = {v.sensor for v in result.verdicts if v.reason is Reason.REFERENCE_MISSING}
+    assert len(missing) == 12
+
+
+@pytest.mark.parametrize("imus", [1, 2])
+def test_a_noisy_receiver_is_no_imu_fault(imus) -> None:
+    rows = rows_of(scenario("small-uav", imus=imus).fly())
+    rng = np.random.default_rng(1)
+    late = rows["gps0"]["t_us"] > start_us(rows) + 60_000_000
+    noise = 4.0 * rng.standard_normal((int(late.sum()), 3))
+    rows["gps0"]["vel_ned_m_s"][late] += noise
+    result = judge(rows)
+    assert faults_of(result) == []
+    reasons = {v.reason for v in result.verdicts if seconds(rows, v) > 60.0}
+    assert Reason.REFERENCE_NOT_TRUSTED in reasons
+
+
+def test_turbulence_is_no_fault() -> None:
+    rows = rows_of(scenario("small-uav", imus=1, wind=TURBULENCE).fly())
+    assert faults_of(judge(rows)) == []
+
+
+@pytest.mark.parametrize("imus", [1, 2])
+def test_a_stuck_axis_is_called_stuck(imus) -> None:
+    rows = rows_of(scenario("small-uav", imus=imus).fly())
+    imu = rows["imu0"]
+    late = np.flatnonzero(imu["t_us"] > start_us(rows) + 60_000_000)
+    imu["gyro_rad_s"][late, 1] = imu["gyro_rad_s"][late[0], 1]
+    found = faults_of(judge(rows))
+    assert [v.sensor for v in found] == ["imu0.gyro_y"]
+    assert found[0].kind in (Kind.STUCK, Kind.BIAS)
+    assert seconds(rows, found[0]) < 63.0
+
+
+def test_an_imu_that_reads_zero_has_dropped_out_and_the_other_is_judged_alone() -> None:
+    faults = [fault("imu1.acc_z", 1.5, 80.0)]
+    rows = rows_of(scenario("small-uav", faults).fly())
+    imu = rows["imu0"]
+    late = imu["t_us"] > start_us(rows) + 60_000_000
+    imu["acc_m_s2"][late] = 0.0
+    imu["gyro_rad_s"][late] = 0.0
+    found = faults_of(judge(rows))
+    first = [v for v in found if v.sensor.startswith("imu0.")]
+    assert {v.kind for v in first} == {Kind.DROPOUT}
+    assert len(first) == 6
+    assert max(seconds(rows, v) for v in first) < 61.0
+    assert [v.sensor for v in found if v not in first] == ["imu1.acc_z"]
+
+
+def test_an_instance_that_never_leaves_zero_is_not_judged() -> None:
+    rows = rows_of(scenario("small-uav", imus=2).fly())
+    rows["imu1"]["acc_m_s2"] = 0.0
+    rows["imu1"]["gyro_rad_s"] = 0.0
+    result = judge(rows)
+    assert {v.sensor.partition(".")[0] for v in result.verdicts} == {"imu0"}
+    assert set(result.estimates) == {"imu0"}
+
+
+def test_a_noisy_axis_is_called_noise() -> None:
+    noisy = {"sensor": "imu0.gyro_y", "kind": "noise", "start_s": 60.0, "size_deg_s": 5.0}
+    rows = rows_of(scenario("small-uav", [noisy]).fly())
+    [found] = faults_of(judge(rows))
+    assert (found.sensor, found.kind) == ("imu0.gyro_y", Kind.NOISE)
+    assert seconds(rows, found) < 64.0
+
+
+def test_nothing_is_judged_before_flight_nor_after() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu0.acc_x", 3.0, 5.0)]).fly())
+    rows["phase"] = np.zeros(2, rows["phase"].dtype)
+    rows["phase"]["t_us"] = start_us(rows) + np.array([0, 2_000_000])
+    rows["phase"]["flying"] = [True, False]
+    result = judge(rows)
+    assert faults_of(result) == []
+    last = {v.sensor: v for v in result.verdicts}
+    assert {v.reason for v in last.values()} == {Reason.ON_GROUND}
+
+
+def test_the_estimate_reconstructs_the_fault_and_the_true_reading() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu0.acc_x", 1.0, 60.0)]).fly())
+    estimate = judge(rows).estimates["imu0"]
+    t_s = (estimate["t_us"] - start_us(rows)) * 1e-6
+    late, early = t_s > 65.0, (t_s > 20.0) & (t_s < 60.0)
+    change = estimate["acc_fault_m_s2"][late, 0] - estimate["acc_fault_m_s2"][early, 0].mean()
+    np.testing.assert_allclose(change, 1.0, atol=0.2)
+    assert np.diff(estimate["t_us"]).min() >= 100_000
+
+
+SHORT = rows_of(scenario("small-uav", [fault("imu0.acc_x", 1.0, 30.0, 45.0)]).fly())
+WHOLE = judge(SHORT)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.lists(st.floats(0.0, 120.0), max_size=60))
+def test_any_split_gives_the_same_verdicts_and_estimates(cuts) -> None:
+    split = pieces(SHORT, [start_us(SHORT) + round(c * 1e6) for c in cuts])
+    assert repr(split.verdicts) == repr(WHOLE.verdicts)
+    for name, e in WHOLE.estimates.items():
+        assert split.estimates[name].tobytes() == e.tobytes()
+
+
+def test_a_row_at_a_time_gives_the_same_verdicts() -> None:
+    """Forty steps a second, as live."""
+    edges = start_us(SHORT) + np.arange(0, 60_000_000, 25_000)
+    early = {s: r[r["t_us"] < edges[-1]] for s, r in SHORT.items()}
+    assert repr(pieces(early, edges.tolist()).verdicts) == repr(judge(early).verdicts)
