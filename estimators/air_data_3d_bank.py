@@ -49,6 +49,7 @@ __all__ = [
     "adopt",
     "bank_step",
     "before_onset",
+    "changed_wind",
     "clear",
     "evidence",
     "new_bank",
@@ -321,6 +322,16 @@ def before_onset(bank: Bank, onset: float, h: int) -> int:
     for g in range(N_GENERATIONS):
         if bank.born[g] <= onset and bank.L[g, h] > top:
             best, top = g, bank.L[g, h]
+    return best
+
+
+@kernel
+def changed_wind(bank: Bank) -> int:
+    """Generation whose changed wind explains the flight best; -1 where none beats the master."""
+    best, top = -1, 0.0
+    for g in range(N_GENERATIONS):
+        if bank.L[g, WIND_CHANGED] > top:
+            best, top = g, bank.L[g, WIND_CHANGED]
     return best
 
 

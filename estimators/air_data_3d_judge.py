@@ -47,6 +47,30 @@ from estimators.air_data_3d_bank import (
 )
 from estimators.jit import kernel
 
+__all__ = [
+    "ABSENT",
+    "FAULTY",
+    "LEARNING",
+    "LEARNT",
+    "NO_REASON",
+    "N_LOG",
+    "OK",
+    "ON_GROUND",
+    "REFERENCE_MISSING",
+    "REFERENCE_NOT_TRUSTED",
+    "SUSPECT",
+    "UNKNOWN",
+    "UNMONITORED",
+    "WIND_NOT_OBSERVABLE",
+    "Judge",
+    "JudgeLimits",
+    "accuse_by_check",
+    "judge_epoch",
+    "new_judge",
+    "set_status",
+    "unmonitor",
+]
+
 Array = NDArray[np.float64]
 _SCALE0 = SCALE.start
 

@@ -50,7 +50,7 @@ N_NOISE = 30
 
 ACC_MAX_M_S2 = 30.0
 
-SLIP_MEAN_TAU_S = 5.0
+SLIP_MEAN_TAU_S = 10.0
 LEVEL_TAU_S = 10.0
 GUST_RISE_S, GUST_FALL_S = 5.0, 30.0
 """Gusts come in bursts: their level is believed soon and forgotten late."""
@@ -60,6 +60,8 @@ REFERENCE_TAU_S = 2.0
 class NoiseLevels(NamedTuple):
     """Floors and factors of the noise model; the settings say what each rests on."""
 
+    gust_tau_s: float
+    gust_prior_m_s: float
     gust_min_m_s: float
     gust_max_m_s: float
     sideslip_rad: float
@@ -71,8 +73,8 @@ class NoiseLevels(NamedTuple):
 def new_noise(levels: NoiseLevels) -> Array:
     """Noise state before the first epoch, shape (30,)."""
     state = np.zeros(N_NOISE)
-    state[SLIP_VAR] = (2.0 * levels.gust_min_m_s) ** 2
-    state[GUST_STD] = 2.0 * levels.gust_min_m_s
+    state[GUST_STD] = levels.gust_prior_m_s
+    state[SLIP_VAR] = state[GUST_STD] ** 2 / (1.0 + levels.gust_tau_s / SLIP_MEAN_TAU_S)
     for first, last in ((_E0, _E0 + 3), (_GPS, _GPS + 4), (_NAV, _NAV + 4)):
         state[first:last] = np.nan
     return state
@@ -131,6 +133,7 @@ def adapt(
     levels: NoiseLevels,
     dt: float,
     x: Array,
+    x_slip: Array,
     V: Array,
     e_y: Array,
     y: Array,
@@ -145,6 +148,10 @@ def adapt(
     state : (30,) float64, changed in place
     x : (10,) float64
         The master's state, before the epoch's measurements are used.
+    x_slip : (10,) float64
+        State that the slip is measured with: that of a changed wind where this explains the
+        flight better than the master, since the master's stale wind would show as gusts, and those
+        would hide the change.
     V, e_y, y : (3,) float64 [m/s], [1], [1]
     use : int
         Pitots under judgement: only their noise counts.
@@ -155,9 +162,9 @@ def adapt(
     for i in range(3):
         d = V[i] - x[i]
         d2 += d * d
-        slip += e_y[i] * d
+        slip += e_y[i] * (V[i] - x_slip[i])
     n = max(math.sqrt(d2), 1.0)
-    slip -= n * x[YAW]
+    slip -= n * x_slip[YAW]
     state[SLIP_MEAN] += min(dt / SLIP_MEAN_TAU_S, 1.0) * (slip - state[SLIP_MEAN])
     fast2 = min((slip - state[SLIP_MEAN]) ** 2, levels.gust_max_m_s**2)
     tau = GUST_RISE_S if fast2 > state[SLIP_VAR] else GUST_FALL_S

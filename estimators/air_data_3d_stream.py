@@ -48,7 +48,16 @@ from estimators.air_checks import (
     pair_noise_rms,
 )
 from estimators.air_data_3d import GUST, N_PITOTS, SCALE, YAW, air_velocity
-from estimators.air_data_3d_bank import N_HYPOTHESES, Bank, bank_step, clear, new_bank, spawn
+from estimators.air_data_3d_bank import (
+    N_HYPOTHESES,
+    WIND_CHANGED,
+    Bank,
+    bank_step,
+    changed_wind,
+    clear,
+    new_bank,
+    spawn,
+)
 from estimators.air_data_3d_judge import (
     ABSENT,
     FAULTY,
@@ -129,6 +138,7 @@ N_VALUES = 4
     QUEUED_VE,
     T_GPS,
     PRESSURE,
+    START_PRESSURE,
     PRESENT,
     TRUSTED,
     TRUST_FROM,
@@ -136,8 +146,8 @@ N_VALUES = 4
     LN_N_STD,
     HEAD,
     TAIL,
-) = range(18)
-N_MEMORY = 18
+) = range(19)
+N_MEMORY = 19
 
 _SCALE0 = SCALE.start
 
@@ -154,6 +164,8 @@ BREAK_S = 5.0
 """After so long without a step the explanations under test have lost their witness."""
 QUIET_SHARE = 0.5
 """A pitot that scattered recovers when it scatters by less than this share of the limit."""
+START_HEIGHT_M = 20.0
+"""Height above ground at which flying begins; below it shear is as at this height."""
 YAW_WALK_RAD = 1e-4
 N_ESTIMATE = 15
 """Columns: t, cas, its std, tas, std, aoa, std, ssa, std, wind N E D, their stds; s, m/s, rad."""
@@ -198,7 +210,7 @@ class AirState(NamedTuple):
 
     Attributes
     ----------
-    memory : (18,) float64
+    memory : (19,) float64
     pending : (16, 4) float64 [s, m/s]
         GPS epochs that wait.
     noise : (30,) float64
@@ -218,7 +230,8 @@ def new_state(params: AirParams) -> AirState:
     """State before the first event: on the ground, nothing known."""
     memory = np.zeros(N_MEMORY)
     memory[[T_EPOCH, T_STEP, T_SPAWN, T_QUEUED, T_GPS, QUEUED_VN, QUEUED_VE]] = -np.inf
-    memory[PRESSURE], memory[TRUSTED], memory[LN_N_STD] = P0_PA, 1.0, np.nan
+    memory[[PRESSURE, START_PRESSURE]] = P0_PA
+    memory[TRUSTED], memory[LN_N_STD] = 1.0, np.nan
     return AirState(
         memory=memory,
         pending=np.zeros((QUEUE, 4)),
@@ -231,11 +244,27 @@ def new_state(params: AirParams) -> AirState:
 
 
 @kernel
-def _start(air: AirState, par: AirParams) -> None:
-    """Forget what an earlier flight taught: priors only."""
+def _start(air: AirState, par: AirParams, V: Array, e_x: Array, tas: float) -> None:
+    """Forget what an earlier flight taught: priors only.
+
+    The wind starts where the air flows along the nose at the speed shown. From zero wind the first
+    measurements would be linearised at a wrong airspeed and the next ones at another: their
+    disagreement would pass for knowledge of the scale.
+
+    Parameters
+    ----------
+    V, e_x : (3,) float64 [m/s], [1]
+        Velocity over the ground and the nose's direction, NED.
+    tas : float [m/s]
+        True airspeed by the fastest pitot; NaN without one.
+    """
     bank, f = air.bank, par.levels
     clear(bank)
     bank.x[:] = 0.0
+    speed = math.sqrt(V[0] ** 2 + V[1] ** 2)
+    if speed - 1.2 * tas < par.checks.dead_wind_m_s:
+        for i in range(2):
+            bank.x[i] = V[i] - tas * e_x[i]
     bank.P[:] = 0.0
     for i in range(2):
         bank.P[i, i] = f.wind_prior_m_s**2
@@ -255,7 +284,10 @@ def _process_noise(air: AirState, par: AirParams, dt: float, sink: float, q: Arr
     """Fill the variances gained over dt; return the gust's decay."""
     f = par.levels
     phi = math.exp(-dt / f.gust_tau_s)
-    walk = (f.wind_walk_m_s**2 + f.wind_shear_m_s**2 * abs(sink)) * dt
+    p = air.memory[PRESSURE]
+    above = altitude_from_pressure(p) - altitude_from_pressure(air.memory[START_PRESSURE])
+    shear2 = f.wind_shear_m_s**2 / max(START_HEIGHT_M + above, START_HEIGHT_M)
+    walk = (f.wind_walk_m_s**2 + shear2 * abs(sink)) * dt
     vertical = f.vertical_walk_m_s**2 * dt
     gust = air.noise[GUST_STD] ** 2 * (1.0 - phi * phi)
     for i in range(3):
@@ -380,25 +412,31 @@ def _epoch(
         unmonitor(judge, log, t, known, REFERENCE_NOT_TRUSTED)
         clear(bank)
         return False
-    if memory[STARTED] < 0.5:
-        _start(air, par)
-        memory[T_STEP] = t - dt
-    step = t - memory[T_STEP]
-    memory[T_STEP] = t
-    if step > BREAK_S:
-        clear(bank)
     sigma = sigma_rho_from_pressure(memory[PRESSURE])
     ln_sigma = math.log(sigma)
     use, learnt = known & 0, known & 0
+    fastest = np.nan
     for i in range(N_PITOTS):
         c = mean_pitot(air.rings, i, t) if (known >> i) & 1 else np.nan
         shown = not np.isnan(c)
         y[i] = math.log(max(eas_from_cas(c, memory[PRESSURE]), 0.1)) if shown else np.nan
         if shown and judge.sensor[i, S_STATUS] != FAULTY and not grossly_off(air.check[i]):
             use |= 1 << i
+            eas = math.exp(y[i])
+            if not eas < fastest:
+                fastest = eas
             if judge.sensor[i, S_LEARNT] == LEARNT:
                 learnt |= 1 << i
-    adapt(air.noise, par.noise, dt, bank.x, V, E[1], y, use, ln_sigma, e)
+    if memory[STARTED] < 0.5:
+        _start(air, par, V, E[0], fastest / sigma)
+        memory[T_STEP] = t - dt
+    step = t - memory[T_STEP]
+    memory[T_STEP] = t
+    if step > BREAK_S:
+        clear(bank)
+    g = changed_wind(bank)
+    x_slip = bank.hx[g, WIND_CHANGED] if g >= 0 else bank.x
+    adapt(air.noise, par.noise, dt, bank.x, x_slip, V, E[1], y, use, ln_sigma, e)
     phi = _process_noise(air, par, step, V[2], q)
     bank_step(
         bank,
@@ -560,6 +598,7 @@ def run(
             memory[PRESENT] = v[0]
         elif what == EV_PHASE:
             memory[FLYING], memory[FLYING_SINCE], memory[STARTED] = v[0], now, 0.0
+            memory[START_PRESSURE] = memory[PRESSURE]
             clear(air.bank)
             reason = LEARNING if v[0] > 0.5 else ON_GROUND
             unmonitor(judge, log, now, _known(air), reason)

@@ -76,9 +76,9 @@ def pitot_joint_update(
     i = [k for k in range(3) if use >> k & 1]
     if not i:
         return x, P, 0.0
-    d, n = air_velocity(x, V)
+    mean = V - x[0:3]
     H = np.zeros((len(i), 10))
-    H[:, 0:3] = H[:, 3:6] = -d / n**2
+    H[:, 0:3] = H[:, 3:6] = -mean / (mean @ mean)
     H[range(len(i)), [6 + k for k in i]] = -1.0
     R = R_common * np.ones((len(i), len(i))) + R_own * np.eye(len(i))
     e = (y - pitot_model(x, V, ln_sigma))[i]

@@ -27,17 +27,17 @@ class AirSettings(Section):
         description="Random walk of the horizontal wind [m/s per sqrt(s)]. " + _NOTE + "0.10.",
     )
     wind_shear_m_s: float = Field(
-        0.10,
+        1.2,
         ge=0,
-        description="Random walk of the wind with height [m/s per sqrt(m)]: 1 m/s over a climb of "
-        "100 m, a neutral boundary layer above 20 m.",
+        description="Random walk of the wind with height h, divided by sqrt(h) [m/s]: about 1 m/s "
+        "over a doubling of height, the logarithmic profile of 10 m/s at 100 m over grassland.",
     )
     gust_tau_s: float = Field(
-        5.0,
+        10.0,
         gt=0,
-        description="Time constant of a gust [s]. Dryden turbulence at 100 m height and 20 m/s has "
-        "5 to 10 s along the path; on synthetic flights 5 s blamed the wrong pitot less often than "
-        "2 s.",
+        description="Time constant of a gust [s]. Errors on recorded flights are correlated over "
+        "10 s, as Dryden turbulence is; on synthetic flights 10 s blamed wrong pitots less often "
+        "and found more faults than 2 s and 5 s.",
     )
     scale_walk: float = Field(
         1e-3, gt=0, description="Random walk of a pitot's log-scale [1/sqrt(s)]. " + _NOTE + "1e-3."
@@ -83,6 +83,12 @@ class AirSettings(Section):
     )
 
     # Noise.
+    gust_prior_m_s: float = Field(
+        1.5,
+        gt=0,
+        description="Gust intensity assumed at take-off, until the slip tells [m/s]. The upper end "
+        "of what recorded flights show: too small a value passes gusts off for knowledge.",
+    )
     gust_min_m_s: float = Field(
         0.3,
         gt=0,

@@ -75,6 +75,8 @@ def params(settings: AirSettings) -> AirParams:
             reference_wait_s=s.reference_wait_s,
         ),
         NoiseLevels(
+            gust_tau_s=s.gust_tau_s,
+            gust_prior_m_s=s.gust_prior_m_s,
             gust_min_m_s=s.gust_min_m_s,
             gust_max_m_s=s.gust_max_m_s,
             sideslip_rad=s.sideslip_rad,

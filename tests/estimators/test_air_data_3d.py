@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 
 from estimators import air_data_3d as air
 from estimators import air_data_3d_bank as bank_module
-from estimators.air_data_3d_bank import WIND_CHANGED, adopt, bank_step, clear, new_bank, spawn
+from estimators.air_data_3d_bank import (
+    WIND_CHANGED,
+    accept_wind,
+    adopt,
+    bank_step,
+    clear,
+    new_bank,
+    spawn,
+)
 from estimators.baselines import numpy_twins_air3d as twin
 
 NO_GATE = 1e9
@@ -71,6 +79,25 @@ def test_lateral_derivative_against_finite_differences() -> None:
         air.lateral_update(updated, P, V, e_y, R, NO_GATE)
         # gain = H_k / (H_k^2 + R) of the innovation -h: R is so large that H_k^2 drops out
         H_k = (updated[k] - x[k]) * R / -twin.lateral_model(x, V, e_y)
+        assert H_k == pytest.approx(fd / (2 * step), rel=1e-3, abs=1e-5)
+
+
+def test_pitot_derivative_against_finite_differences_without_gust() -> None:
+    x, _, V, _, y = problem(4)
+    x[3:6] = 0.0
+    step, R, ln_sigma = 1e-5, 1e6, -0.05
+    for k in range(8):
+        delta = np.zeros(10)
+        delta[k] = step
+        fd = (
+            twin.pitot_model(x + delta, V, ln_sigma)[0]
+            - twin.pitot_model(x - delta, V, ln_sigma)[0]
+        )
+        P = np.zeros((10, 10))
+        P[k, k] = 1.0
+        updated = x.copy()
+        air.pitot_update(updated, P, V, y, 0b001, ln_sigma, R, 0.0, NO_GATE)
+        H_k = (updated[k] - x[k]) * R / (y - twin.pitot_model(x, V, ln_sigma))[0]
         assert H_k == pytest.approx(fd / (2 * step), rel=1e-3, abs=1e-5)
 
 
@@ -180,7 +207,7 @@ def test_adopting_a_changed_wind_keeps_the_others_competing() -> None:
     bank, *_ = started_bank()
     spawn(bank, 0.0, 0b1, 1.0, 6.0, 150.0)
     bank.L[0, :2] = 9.0, 12.0
-    adopt(bank, 0, WIND_CHANGED)
+    accept_wind(bank, 0)
     assert bank.L[0, 0] == 0.0
     assert bank.L[0, 1] == 3.0
     clear(bank)
