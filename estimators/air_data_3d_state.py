@@ -1,0 +1,120 @@
+"""Parameters and memory of the deployed air-data monitor.
+
+All memory is in arrays, held together by named tuples, so that the kernels keep it in place and a
+stream may be cut anywhere.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.air_checks import CheckLimits, new_check
+from estimators.air_data_3d import N_PITOTS
+from estimators.air_data_3d_bank import Bank, new_bank
+from estimators.air_data_3d_judge import Judge, JudgeLimits, new_judge
+from estimators.air_data_3d_noise import NoiseLevels, new_noise
+from estimators.air_data_3d_rows import QUEUE, Rings, new_rings
+from estimators.atmosphere import P0_PA
+
+__all__ = ["AirParams", "AirState", "FilterLevels", "new_state"]
+
+Array = NDArray[np.float64]
+
+# Scalars that the stream remembers.
+(
+    FLYING,
+    FLYING_SINCE,
+    STARTED,
+    T_EPOCH,
+    T_STEP,
+    T_SPAWN,
+    T_QUEUED,
+    QUEUED_VN,
+    QUEUED_VE,
+    T_GPS,
+    PRESSURE,
+    START_PRESSURE,
+    PRESENT,
+    TRUSTED,
+    TRUST_FROM,
+    SPEED,
+    LN_N_STD,
+    HEAD,
+    TAIL,
+) = range(19)
+N_MEMORY = 19
+
+
+class FilterLevels(NamedTuple):
+    """Model of the filters; the settings of the same names say what each value rests on."""
+
+    wind_walk_m_s: float
+    wind_shear_m_s: float
+    gust_tau_s: float
+    scale_walk: float
+    scale_walk_shifted: float
+    wind_prior_m_s: float
+    vertical_walk_m_s: float
+    vertical_prior_m_s: float
+    scale_prior: float
+    yaw_prior_rad: float
+    gate: float
+    jump_scale: float
+    jump_wind_m_s: float
+    spawn_s: float
+    age_max_s: float
+    learn_s: float
+    reference_gap_s: float
+    reference_apart_m_s: float
+    reference_noise_m_s: float
+    reference_wait_s: float
+
+
+class AirParams(NamedTuple):
+    """All parameters of the monitor."""
+
+    levels: FilterLevels
+    noise: NoiseLevels
+    checks: CheckLimits
+    limits: JudgeLimits
+
+
+class AirState(NamedTuple):
+    """All memory of the monitor; arrays are changed in place.
+
+    Attributes
+    ----------
+    memory : (19,) float64
+    pending : (16, 4) float64 [s, m/s]
+        GPS epochs that wait.
+    noise : (30,) float64
+    check : (3, 15) float64
+    """
+
+    memory: Array
+    pending: Array
+    rings: Rings
+    noise: Array
+    check: Array
+    bank: Bank
+    judge: Judge
+
+
+def new_state(params: AirParams) -> AirState:
+    """State before the first event: on the ground, nothing known."""
+    memory = np.zeros(N_MEMORY)
+    memory[[T_EPOCH, T_STEP, T_SPAWN, T_QUEUED, T_GPS, QUEUED_VN, QUEUED_VE]] = -np.inf
+    memory[[PRESSURE, START_PRESSURE]] = P0_PA
+    memory[TRUSTED], memory[LN_N_STD] = 1.0, np.nan
+    return AirState(
+        memory=memory,
+        pending=np.zeros((QUEUE, 4)),
+        rings=new_rings(),
+        noise=new_noise(params.noise),
+        check=np.stack([new_check() for _ in range(N_PITOTS)]),
+        bank=new_bank(),
+        judge=new_judge(),
+    )
