@@ -106,9 +106,7 @@ class PairTests:
             latch.state is LatchState.FAULTY for p in r.pairs.values() for latch in p.latches
         )
         if fresh and not pending:
-            bank.mark(r.bank, r.now_s)
-            self._driven = np.zeros(6)
-            self._marked_s = r.now_s
+            self._start_course()
         elif not pending and r.now_s - self._marked_s > MARK_S:
             self._driven = None
         if self._driven is not None and len(whole) == 2:
@@ -117,6 +115,11 @@ class PairTests:
             bank.drive(r.bank, i, d - self._driven)
             bank.drive(r.bank, j, self._driven - d)
             self._driven = d
+
+    def _start_course(self) -> None:
+        bank.mark(self._record.bank, self._record.now_s)
+        self._driven = np.zeros(6)
+        self._marked_s = self._record.now_s
 
     def _blame(
         self,
@@ -175,21 +178,25 @@ class PairTests:
         return d
 
     def _odds(self, i: int, j: int, axes: list[int]) -> float:
-        """Log likelihood of "their difference is the fault of i" against "of j"."""
-        b = self._record.bank
+        """Log likelihood of "their difference is the fault of i" against "of j".
+
+        An IMU with called faults is a poor witness: then the other's filters alone are asked.
+        """
+        r = self._record
+        b = r.bank
         whose = np.zeros(6)
         whose[axes] = 1.0
-        modes = (INS, ATT) if self._record.settings.attitude_independent else (INS,)
-        scores = []
+        clean = {k: not any(a.faulty for a in r.units[k].axes) for k in (i, j)}
+        modes = (INS, ATT) if r.settings.attitude_independent else (INS,)
+        scores = [0.0]
         for mode in modes:
             ci, cj = 2 * i + mode, 2 * j + mode
             if math.isnan(b.start_s[ci, -1]) or math.isnan(b.start_s[cj, -1]):
                 return 0.0
             nis = min(b.start_nis[ci, -1], b.start_nis[cj, -1])
-            scores.append(
-                log_likelihood(b.L[ci, -1], b.Y[ci, -1], whose, nis)
-                - log_likelihood(b.L[cj, -1], b.Y[cj, -1], whose, nis)
-            )
+            of_i = log_likelihood(b.L[ci, -1], b.Y[ci, -1], whose, nis) if clean[i] else 0.0
+            of_j = log_likelihood(b.L[cj, -1], b.Y[cj, -1], whose, nis) if clean[j] else 0.0
+            scores.append(of_i - of_j)
         return max(scores, key=abs)
 
     def _call(
@@ -234,6 +241,7 @@ class PairTests:
                 r.bank.pair[p, q, difference.D_HOLD, k] = 1.0
                 each.forget(k)
         self._take(imu, axes, f, onset_s)
+        self._start_course()  # what is still undecided on other axes is followed from here
         return out
 
     def _kind(self, imu: int, k: int, held_s: float) -> Kind:
