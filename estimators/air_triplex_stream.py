@@ -246,6 +246,7 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
                     z.P[b, a] = 0.0
                 z.P[a, a] = p.votes.gust_m_s**2
             z.u[:, 3:5] = 0.0
+            z.use[:, CAS] = 0.0
         y = z.y[newest]
         use = z.use[newest]
         if clock[C_GPS_NEW] == 1.0:

@@ -53,7 +53,7 @@ VOTE, MEMORY, PAIR, BOUND, CONSTANT, RAGGED, ALONE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.
 # columns of a log row
 (
     L_T, L_CH, L_I, L_STATE, L_REASON, L_ONSET, L_MAGNITUDE, L_STATISTIC, L_THRESHOLD, L_CAUSE,
-    L_SLOPE, L_MEAN, L_RAGGED, L_SIGNS, L_CONSTANT, L_OTHERS, L_JUMP,
+    L_SLOPE, L_MEAN, L_RAGGED, L_SIGNS, L_CONSTANT, L_FIRST, L_PEAK,
 ) = range(17)  # fmt: skip
 LOG_SIZE = 17
 
@@ -72,6 +72,7 @@ class VoteLimits(NamedTuple):
     common_aoa_rad: float
     common_cas_m_s: float
     common_cas_share: float
+    step_sigmas: float
     gust_m_s: float
     block_margin: float
     majority_margin: float
@@ -80,6 +81,7 @@ class VoteLimits(NamedTuple):
     clear_s: float
     learn_s: float
     constant_s: float
+    vote_wait_s: float
     pair_wait_s: float
     memory_s: float
 
@@ -170,7 +172,7 @@ def _features(ring: Array, newest: int, filled: int, limit: float, out: Array) -
             break
         at += 1
     n = max(at, 3)
-    total, square, slope, ss, signs = 0.0, 0.0, 0.0, 0.0, 0.0
+    total, square, slope, ss, signs, peak = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(n):
         total += ring[(newest - k) % LONG]
     mean = total / n
@@ -186,6 +188,7 @@ def _features(ring: Array, newest: int, filled: int, limit: float, out: Array) -
         tau = 0.5 * (n - 1) - k
         rest = v - mean - slope * tau
         square += rest * rest
+        peak = max(peak, abs(v))
         if v * previous < 0.0:
             signs += 1.0
         previous = v
@@ -194,7 +197,8 @@ def _features(ring: Array, newest: int, filled: int, limit: float, out: Array) -
     out[L_MEAN] = mean
     out[L_RAGGED] = math.sqrt(square / n)
     out[L_SIGNS] = signs / n
-    out[L_JUMP] = abs(ring[(newest - max(at - 3, 0)) % LONG])
+    out[L_FIRST] = abs(ring[(newest - max(at - 1, 0)) % LONG])
+    out[L_PEAK] = peak
 
 
 @kernel
@@ -240,7 +244,6 @@ def _convict(
         out[L_STATISTIC] = statistic
         out[L_THRESHOLD] = limit
         out[L_CONSTANT] = z.same[ch, i]
-        out[L_OTHERS] = z.value[ch, i] - ring[newest % LONG]
     return row
 
 
@@ -342,7 +345,7 @@ def judge(
         if ch == 0:
             floor = p.floor_aoa_rad + p.arm_m * rate_rad_s / max(speed_m_s, 5.0)
             common = p.common_aoa_rad
-            gust_floor = max(p.gust_m_s / max(speed_m_s, 5.0), math.radians(1.0))
+            gust_floor = max(0.5 * p.gust_m_s / max(speed_m_s, 5.0), math.radians(0.6))
         else:
             floor = max(p.floor_cas_m_s, p.floor_cas_share * speed_m_s) + p.arm_m * rate_rad_s
             common = max(p.common_cas_m_s, p.common_cas_share * speed_m_s)
@@ -368,7 +371,8 @@ def judge(
             limit = common if n_T == 1 else floor
             limit_m = min(max(limit, p.sigmas * math.sqrt(z.var_m[ch, i])), 3.0 * limit)
             limit_J = min(
-                max(p.ragged_share * limit, 0.7 * p.sigmas * math.sqrt(z.var_r[ch, i])), 3.0 * limit
+                max(p.ragged_share * limit, 0.55 * p.sigmas * math.sqrt(z.var_r[ch, i])),
+                3.0 * limit,
             )
             share = max(abs(m[i]) / limit_m, J[i] / limit_J)
             out[i] = share
@@ -419,14 +423,17 @@ def judge(
                 n_confirmed += 1
 
         # the votes
+        n_before = n_T
         if not learning and n_T == 3 and n_confirmed > 0:
+            z.split[ch] += 1.0
+            waited = z.split[ch] * STAGE_S > p.vote_wait_s
             for i in range(3):
                 if confirmed[i] == 0.0 or T[i] == 0.0:
                     continue
                 llr = (M[i] * M[i] - M_mid * M_mid) / (2.0 * sigma2) if model else 1.0
                 if n_confirmed > 1 and model and llr < 0.0:
                     continue
-                if llr > -p.block_margin:
+                if llr > 1.0 or (waited and llr > -p.block_margin) or not model:
                     row = _convict(
                         log, row, z, t_s, ch, i, z.ring_r[ch, i], now, out[i] * floor, floor, VOTE
                     )
@@ -436,7 +443,17 @@ def judge(
                     for j in range(3):
                         if j != i and T[j] == 1.0:
                             row = _convict(
-                                log, row, z, t_s, ch, j, z.ring_m[ch, j], now, M[j], floor, MEMORY
+                                log,
+                                row,
+                                z,
+                                t_s,
+                                ch,
+                                j,
+                                z.ring_m[ch, j],
+                                now,
+                                M[j],
+                                max(floor, M[j]),
+                                MEMORY,
                             )
                             T[j] = 0.0
                             n_T -= 1
@@ -466,7 +483,10 @@ def judge(
                 T[guilty] = 0.0
                 n_T -= 1
                 z.split[ch] = 0.0
-        elif n_T == 2 and worst < 0.6:
+        elif worst < 0.6 or n_T < 2:
+            z.split[ch] = 0.0
+
+        if n_T < n_before:
             z.split[ch] = 0.0
 
         # all of them against the bounded wind
@@ -483,7 +503,12 @@ def judge(
         z.ring_e[ch, now % LONG] = e
         mean_e, J_e = _mean_rms(z.ring_e[ch], now, min(now + 1, SHORT))
         limit_e = min(max(common, p.sigmas * math.sqrt(z.var_e[ch])), 2.0 * common)
-        z.flags[ch, 3, slot] = 1.0 if J_e > limit_e and abs(mean_e) > 0.7 * limit_e else 0.0
+        # a step that the wind takes up at once is still apart from the wind of a moment ago
+        mean_f, J_f = _mean_rms(z.ring_fused[ch], now, min(now + 1, SHORT))
+        limit_f = max(common, p.step_sigmas * math.sqrt(sigma2))
+        bounded = J_e > limit_e and abs(mean_e) > 0.7 * limit_e
+        stepped = J_f > limit_f and abs(mean_f) > 0.7 * limit_f and worst < 1.0
+        z.flags[ch, 3, slot] = 1.0 if bounded or stepped else 0.0
         if not learning and model and n_good > 0 and z.flags[ch, 3].sum() >= CONFIRM:
             for i in range(3):
                 if T[i] == 1.0:

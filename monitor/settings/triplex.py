@@ -27,7 +27,7 @@ class TriplexSettings(Section):
         + _SYNTHETIC,
     )
     cas_threshold_share: float = Field(
-        0.04,
+        0.03,
         gt=0,
         description="The same as a share of the airspeed [1]: healthy calibrations differ by 1 to "
         "2 %, of which most is learnt.",
@@ -39,7 +39,7 @@ class TriplexSettings(Section):
         "and at most three times its floor.",
     )
     ragged_share: float = Field(
-        0.75,
+        0.65,
         gt=0,
         description="Threshold of the rms over 1 s (noise, oscillation) as a share of that of the "
         "mean [1].",
@@ -74,22 +74,28 @@ class TriplexSettings(Section):
     clear_s: float = Field(
         10.0, gt=0, description="A latched sensor comes back after agreeing this long [s]."
     )
+    vote_wait_s: float = Field(
+        5.0,
+        gt=0,
+        description="The remembered wind must favour two against the third; if it is undecided for "
+        "this long, the two are believed [s].",
+    )
     pair_wait_s: float = Field(
         3.0, gt=0, description="Two that disagree this long without a culprit are suspect [s]."
     )
 
     # All of them against the bounded wind.
     common_aoa_deg: float = Field(
-        6.0,
+        4.0,
         gt=0,
         description="Difference of all vanes from the bounded horizon that convicts them [deg]: "
-        "twice wan2018's threshold, for turns, sideslip and attitude errors.",
+        "wan2018's 2.9 and a degree for turns and attitude errors; healthy ones stay within 1.",
     )
     common_cas_m_s: float = Field(
         6.2, gt=0, description="The same of all pitots [m/s]: wan2018's 12 kt."
     )
     common_cas_share: float = Field(
-        0.1, gt=0, description="The same at least as a share of the airspeed [1]."
+        0.06, gt=0, description="The same at least as a share of the airspeed [1]."
     )
     wind_bound_m_s: float = Field(
         61.7, gt=0, description="Largest horizontal wind [m/s]: wan2018's 120 kt."
@@ -127,8 +133,13 @@ class TriplexSettings(Section):
         description="Random walk of the mean wind while no pitot is left [m/s per sqrt(s)]: from "
         "recorded flights.",
     )
+    step_sigmas: float = Field(
+        5.0,
+        gt=0,
+        description="A common step is called a fault beyond this many times the gusts' rms [1].",
+    )
     gust_m_s: float = Field(
-        2.0,
+        1.5,
         gt=0,
         description="Least rms of gusts against the remembered wind [m/s]; more is learnt.",
     )
@@ -136,7 +147,7 @@ class TriplexSettings(Section):
     # Who is right when votes and wind disagree: differences of squares over twice the gusts'
     # variance, a logarithm of odds.
     block_margin: float = Field(
-        4.0,
+        2.5,
         ge=0,
         description="A sensor that the remembered wind favours by this much is not voted out "
         "[log odds].",
@@ -164,9 +175,9 @@ class TriplexSettings(Section):
     )
     reference_wait_s: float = Field(10.0, gt=0, description="And for this long afterwards [s].")
     velocity_walk_m_s: float = Field(
-        1.0, gt=0, description="Random walk of the strapdown velocity [m/s per sqrt(s)]."
+        0.5, gt=0, description="Random walk of the strapdown velocity [m/s per sqrt(s)]."
     )
-    gps_std_m_s: float = Field(0.25, gt=0, description="Noise of a ground velocity [m/s].")
+    gps_std_m_s: float = Field(0.2, gt=0, description="Noise of a ground velocity [m/s].")
     cas_std_m_s: float = Field(0.8, gt=0, description="Noise of the fused airspeed [m/s].")
     aoa_std_deg: float = Field(0.6, gt=0, description="Noise of the fused angle of attack [deg].")
     sideslip_std_deg: float = Field(

@@ -28,22 +28,27 @@ _NAMES = ("aoa", "airspeed")
 _UNITS = ("rad", "m/s")
 RUNAWAY = (math.radians(0.5), 2.0)
 """A drift faster than this, rad/s and m/s^2, is called a runaway (4 kt/s for a pitot)."""
-STEADY_WHITE = 0.3, 0.62
+STILL_S = 0.65
+"""A reading that has not changed for this long when it is convicted is stuck, s."""
+STEADY_WHITE = 0.25, 0.75
 """Share of sign changes between which a ragged residual is noise: white noise has a half."""
 
 
 def fault_kind(row: NDArray[np.float64]) -> Kind:
     """Kind of the fault from the residual's history in a log row."""
     ch = int(row[vote.L_CH])
-    if row[vote.L_CAUSE] == vote.CONSTANT or row[vote.L_CONSTANT] > 0.9:
+    if row[vote.L_CAUSE] == vote.CONSTANT or row[vote.L_CONSTANT] > STILL_S:
         return Kind.STUCK
     mean, ragged, slope = abs(row[vote.L_MEAN]), row[vote.L_RAGGED], row[vote.L_SLOPE]
     if ragged > mean or row[vote.L_CAUSE] == vote.RAGGED:
         low, high = STEADY_WHITE
         return Kind.NOISE if low < row[vote.L_SIGNS] < high else Kind.OSCILLATION
+    peak, last = row[vote.L_PEAK], abs(row[vote.L_MAGNITUDE])
+    if last < 0.7 * peak and row[vote.L_FIRST] < 0.6 * peak:
+        return Kind.OSCILLATION
     span_s = row[vote.L_ONSET] * vote.STAGE_S
     grown = slope * span_s * math.copysign(1.0, row[vote.L_MEAN])
-    if grown > 0.9 * mean and span_s > 0.9:
+    if grown > 0.6 * mean:
         return Kind.RUNAWAY if abs(slope) > RUNAWAY[ch] else Kind.DRIFT
     return Kind.BIAS
 
