@@ -60,7 +60,7 @@ from estimators.ins_bank_state import (
     Tuning,
     make_bank,
 )
-from estimators.ins_bank_windows import accept, drive, mark, observe_fault, roll
+from estimators.ins_bank_windows import accept, drive, mark, observe_fault, roll, roll_windows
 from estimators.jit import kernel
 
 __all__ = [
@@ -224,21 +224,12 @@ def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
 
 
 @kernel
-def _stop(b: Bank) -> None:
-    """The flight is over: forget all but the samples."""
-    b.aligned_s[:] = np.nan
-    b.x[:] = 0.0
-    b.P[:] = 0.0
-    b.pair[:] = 0.0
-
-
-@kernel
-def _all_jolted(b: Bank, now: float) -> bool:
+def _all_jolted(aligned_s: Array, fix: Array, sample: Array, now: float) -> bool:
     """Whether the receiver's velocity has just contradicted every IMU at once."""
     count = 0
-    for i in range(b.sample.shape[0]):
-        if not math.isnan(b.aligned_s[2 * i]) and now - b.sample[i, 0] < MAX_GAP_S:
-            if now - b.fix[2 * i, 4] > JOLT_S:
+    for i in range(sample.shape[0]):
+        if not math.isnan(aligned_s[2 * i]) and now - sample[i, 0] < MAX_GAP_S:
+            if now - fix[2 * i, 4] > JOLT_S:
                 return False
             count += 1
     return count > 0
@@ -318,7 +309,10 @@ def run(
             b.clock[C_FLYING] = values[e, 0]
             b.clock[C_CHANGED] = 1.0
             if values[e, 0] == 0.0:
-                _stop(b)
+                b.aligned_s[:] = np.nan
+                b.x[:] = 0.0
+                b.P[:] = 0.0
+                b.pair[:] = 0.0
         else:
             _reference(b, t, k, values[e])
         tick = math.floor(t / p.tick_s)
@@ -331,7 +325,7 @@ def run(
             continue
         b.clock[C_TICK] = tick
         odd = close_bins(b.edge, b.edge_at, b.pair, b.alias, int(tick), p.tick_s)
-        if _all_jolted(b, t):
+        if _all_jolted(b.aligned_s, b.fix, b.sample, t):
             b.clock[C_GPS_BAD_S] = t + GPS_DISTRUST_S
             b.aligned_s[:] = np.nan
         odd = _interesting(b, p, t) or odd
@@ -349,5 +343,8 @@ def run(
         if odd or every:
             b.clock[C_STOPPED] = 1.0
             return e + 1
-        roll(b, p, t)
+        for c in range(b.x.shape[0]):
+            if not math.isnan(b.aligned_s[c]):
+                windows = b.F[c], b.L[c], b.Y[c], b.start_s[c], b.start_nis[c]
+                roll_windows(*windows, b.nis[c], p.window_s, t)
     return int(t_s.shape[0])

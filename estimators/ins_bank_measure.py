@@ -89,39 +89,36 @@ SLIP_INTERVAL_S = 1.0
 
 
 @kernel
-def _align(b: Bank, p: Tuning, c: int, t: float) -> None:
-    """Start a filter from the vehicle's attitude and the latest velocity and height."""
-    mode = c % 2
-    faults, known = b.x[c, F_ACC : F_ACC + 6].copy(), np.empty(6)
+def _align(x: Array, R: Array, P: Array, qf: Array, ref: Array, p: Tuning, mode: int) -> None:
+    """Start a filter from the vehicle's attitude and the latest velocity and height (in place).
+
+    What it had learnt of its slow biases in this flight is kept.
+    """
+    faults, known = x[F_ACC : F_ACC + 6].copy(), np.empty(6)
     for i in range(6):
-        known[i] = b.P[c, F_ACC + i, F_ACC + i]
-    b.x[c] = 0.0
-    b.R[c] = dcm_from_quaternion(b.ref[R_Q : R_Q + 4].copy())
-    b.x[c, VEL] = b.ref[R_VN]
-    b.x[c, VEL + 1] = b.ref[R_VE]
-    b.x[c, VEL + 2] = 0.0 if math.isnan(b.ref[R_VD]) else b.ref[R_VD]
-    b.x[c, HGT] = 0.0 if math.isnan(b.ref[R_HGT]) else b.ref[R_HGT]
-    P = b.P[c]
+        known[i] = P[F_ACC + i, F_ACC + i]
+    x[:] = 0.0
     P[:] = 0.0
+    R[:] = dcm_from_quaternion(ref[R_Q : R_Q + 4].copy())
+    x[VEL], x[VEL + 1] = ref[R_VN], ref[R_VE]
+    x[VEL + 2] = 0.0 if math.isnan(ref[R_VD]) else ref[R_VD]
     for i in range(3):
         P[VEL + i, VEL + i] = ALIGN_STD[0] ** 2
         P[PHI + i, PHI + i] = ALIGN_STD[2 if i < 2 else 3] ** 2
-    known_height = not math.isnan(b.ref[R_HGT])
-    P[HGT, HGT] = (ALIGN_STD[1] if known_height else UNKNOWN_HEIGHT_M) ** 2
+    if math.isnan(ref[R_HGT]):
+        P[HGT, HGT] = UNKNOWN_HEIGHT_M**2
+    else:
+        x[HGT] = ref[R_HGT]
+        P[HGT, HGT] = ALIGN_STD[1] ** 2
     for i in range(6):
-        P[F_ACC + i, F_ACC + i] = p.turn_on_std[i] ** 2
+        fresh = p.turn_on_std[i] ** 2
+        P[F_ACC + i, F_ACC + i] = fresh
         if known[i] > 0.0:
-            b.x[c, F_ACC + i] = faults[i]
-            P[F_ACC + i, F_ACC + i] = min(known[i] + 0.01 * p.turn_on_std[i] ** 2, known[i] * 4.0)
-        b.qf[c, i] = p.fault_density[i] ** 2
+            x[F_ACC + i] = faults[i]
+            P[F_ACC + i, F_ACC + i] = min(known[i] + 0.01 * fresh, 4.0 * known[i])
+        qf[i] = p.fault_density[i] ** 2
     for i in range(4):
         P[E_REF + i, E_REF + i] = p.ref_std[mode, i] ** 2
-    b.acc[c] = 0.0
-    b.fix[c, 2] = np.nan
-    b.nis[c] = NIS_FIRST
-    b.aligned_s[c] = t
-    b.slip_s[c] = t
-    restart_windows(b, c, t)
 
 
 @kernel
@@ -181,18 +178,15 @@ def _attitude_rows(
 
 
 @kernel
-def _judge_fix(b: Bank, c: int, t: float, z: Array, v_n: float, v_e: float) -> None:
-    """Note a jolt between two fixes; ``v_n``, ``v_e`` is the velocity before the update."""
-    e_n, e_e = z[0] - v_n - b.fix[c, 0], z[1] - v_e - b.fix[c, 1]
-    shaken = 0.0
-    for i in range(3):
-        shaken += b.alias[c // 2, i]
-    shaken = 4.0 * math.sqrt(2.0 * NOISE_FRACTION**2 * shaken * min(t - b.fix[c, 5], 1.0))
-    if math.hypot(e_n - b.fix[c, 2], e_e - b.fix[c, 3]) > max(GPS_JOLT_M_S, shaken):
-        b.fix[c, 4] = t
-    b.fix[c, 0], b.fix[c, 1] = z[0] - b.x[c, VEL], z[1] - b.x[c, VEL + 1]
-    b.fix[c, 2], b.fix[c, 3] = e_n, e_e
-    b.fix[c, 5] = t
+def _judge_fix(fix: Array, x: Array, alias: Array, t: float, z: Array, before: Array) -> None:
+    """Note a jolt between two fixes; ``before`` is the velocity N, E before the update."""
+    e_n, e_e = z[0] - before[0] - fix[0], z[1] - before[1] - fix[1]
+    shaken = 2.0 * NOISE_FRACTION**2 * (alias[0] + alias[1] + alias[2]) * min(t - fix[5], 1.0)
+    if math.hypot(e_n - fix[2], e_e - fix[3]) > max(GPS_JOLT_M_S, 4.0 * math.sqrt(shaken)):
+        fix[4] = t
+    fix[0], fix[1] = z[0] - x[VEL], z[1] - x[VEL + 1]
+    fix[2], fix[3] = e_n, e_e
+    fix[5] = t
 
 
 @kernel
@@ -202,7 +196,7 @@ def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
     x, R = b.x[c], b.R[c]
     close_interval(x, b.P[c], b.F[c], b.acc[c], p.ref_std[mode], p.ref_tau[mode], b.qf[c])
     H, nu, r = np.zeros((4, N)), np.zeros(4), np.zeros(4)
-    v_n, v_e = x[VEL], x[VEL + 1]
+    before = x[VEL : VEL + 2].copy()
     m, velocities = 0, 0
     if kind == GPS:
         m = velocities = _velocity_rows(x, p, z, H, nu, r)
@@ -230,7 +224,7 @@ def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
         x[j] += dx[j]
     inject(x, R)
     if kind == GPS:
-        _judge_fix(b, c, t, z, v_n, v_e)
+        _judge_fix(b.fix[c], x, b.alias[c // 2], t, z, before)
         if t - b.aligned_s[c] > NIS_AFTER_S:
             gain = min(1.0, FIX_S / NIS_TAU_S)
             b.nis[c] += gain * (min(nis, NIS_CLIP) - b.nis[c])
@@ -258,4 +252,10 @@ def measure(b: Bank, p: Tuning, imu: int, t: float, kind: int, z: Array) -> None
             continue
         fresh = t - b.ref[R_T_GPS] < ALIGN_FIX_S and t >= b.clock[C_GPS_BAD_S]
         if kind == ATTITUDE and fresh and b.clock[C_FLYING] == 1.0:
-            _align(b, p, c, t)
+            _align(b.x[c], b.R[c], b.P[c], b.qf[c], b.ref, p, c % 2)
+            b.acc[c] = 0.0
+            b.fix[c, 2] = np.nan
+            b.nis[c] = NIS_FIRST
+            b.aligned_s[c] = b.slip_s[c] = t
+            windows = b.F[c], b.L[c], b.Y[c], b.start_s[c], b.start_nis[c]
+            restart_windows(*windows, NIS_FIRST, t)

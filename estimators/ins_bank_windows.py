@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.ins_bank_model import F_ACC, N, inject, scalar_update
-from estimators.ins_bank_state import Bank, Tuning
+from estimators.ins_bank_state import C_NOW, Bank, Tuning
 from estimators.jit import kernel
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "observe_fault",
     "restart_windows",
     "roll",
+    "roll_windows",
 ]
 
 Array = NDArray[np.float64]
@@ -37,38 +38,73 @@ NIS_LEAST = 0.5
 
 
 @kernel
-def _restart(b: Bank, c: int, w: int, t: float) -> None:
-    b.F[c, w] = 0.0
-    b.L[c, w] = 0.0
-    b.Y[c, w] = 0.0
+def _empty(F: Array, L: Array, Y: Array) -> None:
+    """Begin a window: unit steps, and nothing known of them."""
+    F[:] = 0.0
+    L[:] = 0.0
+    Y[:] = 0.0
     for k in range(6):
-        b.F[c, w, F_ACC + k, k] = 1.0
-    b.start_s[c, w] = t
-    b.start_nis[c, w] = max(NIS_LEAST, b.nis[c])
+        F[F_ACC + k, k] = 1.0
 
 
 @kernel
-def restart_windows(b: Bank, c: int, t: float) -> None:
-    """Empty all windows of a filter."""
-    for w in range(b.start_s.shape[1] - 1):
-        _restart(b, c, w, t)
-    b.start_s[c, -1] = math.nan
+def restart_windows(
+    F: Array, L: Array, Y: Array, start_s: Array, start_nis: Array, nis: float, t: float
+) -> None:
+    """Empty all windows of one filter (in place).
+
+    Parameters
+    ----------
+    F : (W, 17, 6), L : (W, 6, 6), Y : (W, 6), start_s : (W,), start_nis : (W,) float64
+        Windows of the filter.
+    nis : float
+        Its running mean of the normalised innovation squared.
+    t : float [s]
+    """
+    for w in range(start_s.shape[0] - 1):
+        _empty(F[w], L[w], Y[w])
+        start_s[w] = t
+        start_nis[w] = max(NIS_LEAST, nis)
+    start_s[-1] = math.nan
 
 
 @kernel
-def roll(b: Bank, p: Tuning, now: float) -> None:
-    """Restart the windows that have reached their length.
+def roll_windows(
+    F: Array,
+    L: Array,
+    Y: Array,
+    start_s: Array,
+    start_nis: Array,
+    nis: float,
+    window_s: Array,
+    now: float,
+) -> None:
+    """Restart the windows of one filter that have reached their length (in place).
 
     The two windows of a length restart half a length apart, on a grid of vehicle time.
     """
-    for c in range(b.x.shape[0]):
-        if math.isnan(b.aligned_s[c]):
-            continue
-        for w in range(b.start_s.shape[1] - 1):
-            length = p.window_s[w // 2]
-            phase = 0.5 * (w % 2)
-            if math.floor(now / length + phase) > math.floor(b.start_s[c, w] / length + phase):
-                _restart(b, c, w, now)
+    for w in range(start_s.shape[0] - 1):
+        length = window_s[w // 2]
+        phase = 0.5 * (w % 2)
+        if math.floor(now / length + phase) > math.floor(start_s[w] / length + phase):
+            _empty(F[w], L[w], Y[w])
+            start_s[w] = now
+            start_nis[w] = max(NIS_LEAST, nis)
+
+
+def roll(b: Bank, p: Tuning) -> None:
+    """Restart the windows that have reached their length, after ``run`` stopped."""
+    for c in np.flatnonzero(~np.isnan(b.aligned_s)):
+        roll_windows(
+            b.F[c],
+            b.L[c],
+            b.Y[c],
+            b.start_s[c],
+            b.start_nis[c],
+            float(b.nis[c]),
+            p.window_s,
+            float(b.clock[C_NOW]),
+        )
 
 
 def mark(b: Bank, t: float) -> None:
@@ -129,7 +165,7 @@ def accept(
     b.x[c] += F @ f[on]
     b.P[c] += F @ covariance @ F.T
     inject(b.x[c], b.R[c])
-    restart_windows(b, c, now)
+    restart_windows(b.F[c], b.L[c], b.Y[c], b.start_s[c], b.start_nis[c], float(b.nis[c]), now)
     return f
 
 

@@ -92,7 +92,7 @@ class ImuWatch:
             if self._bank.clock[bank.C_STOPPED] == 1.0:
                 self._bank.clock[bank.C_STOPPED] = 0.0
                 result.verdicts += self._judge.decide()
-                bank.roll(self._bank, self._tuning, float(self._bank.clock[bank.C_NOW]))
+                bank.roll(self._bank, self._tuning)
         self._estimate(ticks[: int(used[0])], result)
         return result
 

@@ -126,7 +126,7 @@ def fly(events: Events, cuts: list[int] | None = None, n_imus: int = 1) -> tuple
             at = bank.run(b, TUNING, *piece, at, ticks, used, False)
             if b.clock[bank.C_STOPPED] == 1.0:
                 b.clock[bank.C_STOPPED] = b.clock[bank.C_CHANGED] = 0.0
-                bank.roll(b, TUNING, float(b.clock[bank.C_NOW]))
+                bank.roll(b, TUNING)
     return b, ticks[: int(used[0])]
 
 
@@ -200,7 +200,7 @@ def test_a_course_explains_an_oscillation_that_a_step_does_not() -> None:
             value = 1.5 * math.sin(0.5 * math.pi * (now - 58.0))
             bank.drive(b, 0, np.array([value - driven, 0, 0, 0, 0, 0]))
             driven = value
-        bank.roll(b, TUNING, now)
+        bank.roll(b, TUNING)
     axis = np.array([1.0, 0, 0, 0, 0, 0])
     args = b.L[INS, -1], b.Y[INS, -1]
     assert log_likelihood(*args, axis, 1.0) > 15.0
