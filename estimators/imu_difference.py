@@ -300,7 +300,7 @@ def odd_noise(noise: Array, imu: int, now: float) -> bool:
     for c in range(6):
         level = math.log(max(s[N_DIFF2, c], 1e-12)) - s[N_LOG_BASE, c]
         odd = odd or level > 2.0 * LOG_NOISE or improbable_rest(noise, imu, c, now) > 1.0
-    return odd
+    return bool(odd)
 
 
 @kernel
@@ -310,4 +310,4 @@ def improbable_rest(noise: Array, imu: int, axis: int, now: float) -> float:
     if now - s[N_SAME_S, axis] < REST_S or s[N_SAME, axis] < REST_SAMPLES:
         return 0.0
     share = min(max(s[N_REPEAT, axis], LEAST_SHARE), 1.0)
-    return -s[N_SAME, axis] * math.log(share) / REST_NATS
+    return float(-s[N_SAME, axis] * math.log(share) / REST_NATS

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from links.vocabulary import Kind, Reason, State
+from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
+from sim_feeds.scenario import load
 from tests.monitor.imu_flights import (
     fault,
     faults_of,
@@ -90,6 +91,12 @@ def test_an_independent_attitude_isolates_the_axis_of_a_lone_imu(axis) -> None:
     assert found.sensor == name
     assert 60.0 < seconds(rows, found) < 65.0
     assert "attitude" in found.evidence
+
+
+def test_six_axes_that_fail_at_once_are_put_on_the_right_imu() -> None:
+    """lu2016 Table 2 on one of two IMUs of a transport in turbulence."""
+    found = faults_of(judge(rows_of(load("lu2016-table2").fly())))
+    assert {v.sensor for v in found} == {f"imu0.{axis}" for axis in GYRO_ACC_AXES}
 
 
 def test_three_imus_vote() -> None:
