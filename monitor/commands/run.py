@@ -27,7 +27,7 @@ __all__ = ["run"]
 STOP = {signal.SIGINT, signal.SIGTERM}
 TELL = {signal.SIGUSR1} if hasattr(signal, "SIGUSR1") else set()
 
-SLOW_START_S = 2.0
+SLOW_START_S = 5.0
 """Getting ready for longer than this (kernels were compiled) leaves only old data waiting."""
 
 
@@ -88,6 +88,7 @@ def _assemble(
 ) -> tuple[Pipeline, Daemon]:
     """Build the stages and load their kernels while the link's buffer already fills."""
     began_s = time.monotonic()
+    from links.endpoints.files import LogEndpoint
     from links.mavlink import Decoder, Encoder
     from monitor.daemon import Daemon
     from monitor.pipeline import Pipeline
@@ -127,7 +128,7 @@ def _assemble(
         here,
         None if recorder is None else recorder.take,
     )
-    if time.monotonic() - began_s > SLOW_START_S:
+    if time.monotonic() - began_s > SLOW_START_S and not isinstance(link_in, LogEndpoint):
         daemon.discard_waiting()
     return pipeline, daemon
 
