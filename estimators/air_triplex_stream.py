@@ -266,7 +266,7 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
         centre = np.zeros(3)
         band = np.full(3, np.inf)
         base = int(q.change_base_s / STAGE_S)
-        if k > 20 * 10:
+        if k > base + 50:
             old = (k - base) % HISTORY
             for a in range(3):
                 centre[a] = s.wind[a, old]

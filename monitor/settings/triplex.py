@@ -92,28 +92,35 @@ class TriplexSettings(Section):
         "wan2018's 2.9 and a degree for turns and attitude errors; healthy ones stay within 1.",
     )
     common_cas_m_s: float = Field(
-        6.2, gt=0, description="The same of all pitots [m/s]: wan2018's 12 kt."
+        4.0,
+        gt=0,
+        description="The same of all pitots [m/s]; for a transport wan2018's 12 kt. " + _SYNTHETIC,
     )
     common_cas_share: float = Field(
         0.06, gt=0, description="The same at least as a share of the airspeed [1]."
     )
     wind_bound_m_s: float = Field(
-        61.7, gt=0, description="Largest horizontal wind [m/s]: wan2018's 120 kt."
+        25.0,
+        gt=0,
+        description="Largest horizontal wind [m/s]; for a transport wan2018's 120 kt.",
     )
     wind_bound_down_m_s: float = Field(
-        12.9, gt=0, description="Largest vertical wind [m/s]: 25 kt, which finds drifting vanes."
+        8.0,
+        gt=0,
+        description="Largest vertical wind [m/s]; for a transport 25 kt, which finds vanes that "
+        "drift together.",
     )
     wind_change_m_s: float = Field(
-        15.0,
+        8.0,
         gt=0,
-        description="Largest change of the horizontal wind within wind_change_base_s [m/s]: gusts "
-        "of 3.5 m/s rms and a strong shear keep it.",
+        description="Largest change of the horizontal wind within wind_change_base_s [m/s]: "
+        "turbulence of 1.5 m/s rms and a shear of 0.2 m/s per second keep it.",
     )
     wind_change_down_m_s: float = Field(
-        10.0, gt=0, description="The same of the vertical wind [m/s]."
+        6.0, gt=0, description="The same of the vertical wind [m/s]."
     )
     wind_change_base_s: float = Field(
-        5.0, gt=0, description="Time base of the bounds on the wind's change [s]."
+        20.0, gt=0, le=100, description="Time base of the bounds on the wind's change [s]."
     )
     wind_walk_m_s: float = Field(
         0.8,
@@ -139,7 +146,7 @@ class TriplexSettings(Section):
         description="A common step is called a fault beyond this many times the gusts' rms [1].",
     )
     gust_m_s: float = Field(
-        1.5,
+        1.0,
         gt=0,
         description="Least rms of gusts against the remembered wind [m/s]; more is learnt.",
     )
@@ -153,7 +160,7 @@ class TriplexSettings(Section):
         "[log odds].",
     )
     majority_margin: float = Field(
-        10.0,
+        7.0,
         ge=0,
         description="By this much the other two are convicted instead [log odds]. " + _SYNTHETIC,
     )
