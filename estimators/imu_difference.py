@@ -310,4 +310,4 @@ def improbable_rest(noise: Array, imu: int, axis: int, now: float) -> float:
     if now - s[N_SAME_S, axis] < REST_S or s[N_SAME, axis] < REST_SAMPLES:
         return 0.0
     share = min(max(s[N_REPEAT, axis], LEAST_SHARE), 1.0)
-    return float(-s[N_SAME, axis] * math.log(share) / REST_NATS
+    return float(-s[N_SAME, axis] * math.log(share) / REST_NATS)
