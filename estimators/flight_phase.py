@@ -32,7 +32,15 @@ RECEIVER, NAV = 0, 1
 FLYING, FAST_SINCE, SLOW_SINCE, STILL_SINCE, H, H0, SINK, LAST_RECEIVER, LAST_NAV = range(9)
 
 # Parameter vector.
-P_FLY_SPEED, P_CONFIRM_US, P_TAKEOFF_HEIGHT, P_LANDING_HEIGHT, P_STILL_SPEED, P_SILENT_US = range(6)
+(
+    P_FLY_SPEED,
+    P_CONFIRM_US,
+    P_TAKEOFF_HEIGHT,
+    P_LANDING_HEIGHT,
+    P_STILL_SPEED,
+    P_SILENT_US,
+    P_JOIN_US,
+) = range(7)
 
 
 def initial_state() -> NDArray[np.float64]:
@@ -45,9 +53,10 @@ def initial_state() -> NDArray[np.float64]:
 @kernel
 def _fly(state: NDArray[np.float64], par: NDArray[np.float64], t: float) -> bool:
     """Whether the aircraft on the ground has begun to fly."""
-    fast = t - state[FAST_SINCE] >= par[P_CONFIRM_US]
+    fast_us = t - state[FAST_SINCE]
     if np.isnan(state[H0]):
-        return bool(fast)
+        return bool(fast_us >= par[P_JOIN_US])
+    fast = fast_us >= par[P_CONFIRM_US]
     return bool(fast and state[H] - state[H0] > par[P_TAKEOFF_HEIGHT])
 
 
@@ -85,8 +94,9 @@ def track_phase(
     Parameters
     ----------
     state : (9,) float64, changed in place
-    par : (6,) float64: flying speed [m/s], confirmation [us], take-off height [m], landing height
-        [m], standstill speed [m/s], silence after which the other source serves [us]
+    par : (7,) float64: flying speed [m/s], confirmation [us], take-off height [m], landing height
+        [m], standstill speed [m/s], silence after which the other source serves [us], confirmation
+        when the stream began in flight [us]
     t_us, source : (n,) int64, time [us] and RECEIVER or NAV
     speed, height, sink : (n,) float64, V [m/s], h [m], V_D [m/s]; NaN where not measured
     out_index : (n,) int64, receives the index of each event at which the phase changed

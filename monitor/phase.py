@@ -37,6 +37,7 @@ class PhaseTracker:
                 settings.landing_height_m,
                 settings.standstill_speed_m_s,
                 settings.receiver_timeout_s * 1e6,
+                settings.join_s * 1e6,
             ]
         )
         self._state = fp.initial_state()

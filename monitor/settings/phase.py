@@ -25,6 +25,9 @@ class PhaseSettings(Section):
         description="Height above that ground below which a sinking aircraft is judged no more.",
     )
     confirm_s: float = Field(2.0, ge=0, description="How long speed must hold to count.")
+    join_s: float = Field(
+        0.5, ge=0, description="The same for a stream that never showed the aircraft standing."
+    )
     receiver_timeout_s: float = Field(
         2.0, gt=0, description="Silence after which GPS and autopilot stand in for each other."
     )

@@ -49,7 +49,7 @@ def test_take_off_is_flight_from_the_stated_height_and_landing_ends_it_before_to
 def test_a_stream_that_begins_in_flight_is_flight_after_the_confirmation() -> None:
     ((up, flying),) = changes(flight(np.full(T.shape, 18.0), np.full(T.shape, 65.0)))
     assert flying
-    assert up == pytest.approx(2.0, abs=0.21)
+    assert up == pytest.approx(PhaseSettings().join_s, abs=0.21)
 
 
 def test_hovering_against_the_wind_is_still_flight() -> None:
