@@ -36,9 +36,9 @@ from estimators.mhe import (
     NOT_CONVERGED,
     SOLVED,
     barrier_qp,
-    converged_qp,
     work_size,
 )
+from estimators.mhe_converged import converged_qp
 
 __all__ = [
     "AirDataMHE",

@@ -35,11 +35,12 @@ from estimators.air_mhe_3d import (
     solve,
     start,
 )
-from estimators.air_vote import STAGE_S, VoteLimits, Votes, judge, new_votes
+from estimators.air_vote import judge
+from estimators.air_vote_record import STAGE_S, VoteLimits, Votes, new_votes
 from estimators.atmosphere import P0_PA, altitude_from_pressure, temperature
 from estimators.attitude import dcm_from_quaternion
 from estimators.jit import kernel
-from estimators.triplex import roll_back
+from estimators.wind_memory import roll_back
 
 __all__ = [
     "EV_AOA",
@@ -336,7 +337,7 @@ def run(
     estimates : (n, 15) float64, written
         Time and the fields of an air estimate.
     log : (n, 17) float64, written
-        Rows of :mod:`estimators.air_vote`.
+        Rows of :mod:`estimators.air_vote_record`.
     """
     clock = s.clock
     n_estimates = 0

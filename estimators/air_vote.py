@@ -25,121 +25,44 @@ A stage is a tenth of a second of vehicle time. Whatever is counted is counted i
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.air_vote_record import (
+    ALONE,
+    BOUND,
+    CONFIRM,
+    CONSTANT,
+    DISAGREE,
+    GROUND,
+    L_MAGNITUDE,
+    L_STATISTIC,
+    L_THRESHOLD,
+    LEARNING,
+    LONG,
+    MEMORY,
+    MISSING,
+    NO_REASON,
+    OK,
+    PAIR,
+    RAGGED,
+    SHORT,
+    STAGE_S,
+    SUSPECT,
+    UNMONITORED,
+    VOTE,
+    VoteLimits,
+    Votes,
+    convict,
+    mean_rms,
+    write,
+)
 from estimators.jit import kernel
 
-__all__ = ["LOG_SIZE", "STAGE_S", "VoteLimits", "Votes", "judge", "new_votes"]
+__all__ = ["judge"]
 
 Array = NDArray[np.float64]
-
-STAGE_S = 0.1
-SHORT = 10
-"""Stages of the mean, of the rms and of a confirmation (1 s; wan2018 has N_eval = 10)."""
-CONFIRM = 8
-"""Stages of the last ten that must be beyond a threshold (n_D)."""
-LONG = 100
-"""Stages that the onset is looked for in."""
-
-# states and reasons
-UNMONITORED, OK, SUSPECT, FAULTY = 0.0, 1.0, 2.0, 3.0
-NO_REASON, GROUND, LEARNING, MISSING, DISAGREE = 0.0, 1.0, 2.0, 3.0, 4.0
-# causes of a verdict
-VOTE, MEMORY, PAIR, BOUND, CONSTANT, RAGGED, ALONE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
-
-# columns of a log row
-(
-    L_T, L_CH, L_I, L_STATE, L_REASON, L_ONSET, L_MAGNITUDE, L_STATISTIC, L_THRESHOLD, L_CAUSE,
-    L_SLOPE, L_MEAN, L_RAGGED, L_SIGNS, L_CONSTANT, L_FIRST, L_PEAK,
-) = range(17)  # fmt: skip
-LOG_SIZE = 17
-
-
-class VoteLimits(NamedTuple):
-    """Thresholds; index 0 vanes [rad], 1 pitots [m/s]."""
-
-    floor_aoa_rad: float
-    floor_cas_m_s: float
-    floor_cas_share: float
-    sigmas: float
-    ragged_share: float
-    offset_aoa_rad: float
-    scale_cas: float
-    arm_m: float
-    common_aoa_rad: float
-    common_cas_m_s: float
-    common_cas_share: float
-    step_sigmas: float
-    gust_m_s: float
-    block_margin: float
-    majority_margin: float
-    pair_margin: float
-    clear_share: float
-    clear_s: float
-    learn_s: float
-    constant_s: float
-    vote_wait_s: float
-    pair_wait_s: float
-    memory_s: float
-
-
-class Votes(NamedTuple):
-    """All that the votes remember, updated in place."""
-
-    ring_r: Array  # (2, 3, LONG)
-    ring_m: Array  # (2, 3, LONG): against the remembered wind
-    ring_fused: Array  # (2, LONG): the median against the remembered wind
-    ring_e: Array  # (2, LONG)
-    flags: Array  # (2, 4, SHORT): three sensors and the common test
-    offset: Array  # (2, 3)
-    learnt: Array  # (2, 3): stages that went into the offset
-    var_m: Array  # (2, 3)
-    var_r: Array  # (2, 3)
-    var_e: Array  # (2,)
-    gust: Array  # (2,): variance
-    latched: Array  # (2, 3)
-    cause: Array  # (2, 3)
-    calm: Array  # (2, 3)
-    peak: Array  # (2, 3)
-    age: Array  # (2, 3): stages since the last reading; large before the first
-    value: Array  # (2, 3): mean reading of the stage
-    same: Array  # (2, 3): seconds that the raw reading has not changed at all
-    same_low: Array  # (2, 3): least and greatest reference meanwhile
-    same_high: Array  # (2, 3)
-    state: Array  # (2, 3): published state
-    reason: Array  # (2, 3)
-    split: Array  # (2,): stages that a pair has disagreed
-    lost: Array  # (2,): stages since no sensor of the channel was left
-    counters: Array  # [stages, stages flying, flying]
-
-
-def new_votes() -> Votes:
-    """Votes before the first row."""
-    sensors = (2, 3)
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Votes._fields, sensors)
-    shapes |= dict.fromkeys(("ring_r", "ring_m"), (2, 3, LONG))
-    shapes |= dict.fromkeys(("ring_fused", "ring_e"), (2, LONG))
-    shapes |= dict.fromkeys(("var_e", "gust", "split", "lost"), (2,))
-    shapes |= {"flags": (2, 4, SHORT), "counters": (3,)}
-    votes = Votes(**{name: np.zeros(shape) for name, shape in shapes.items()})
-    votes.age[:] = 1e9
-    votes.state[:] = -1.0
-    return votes
-
-
-@kernel
-def _mean_rms(ring: Array, newest: int, count: int) -> tuple[float, float]:
-    """Mean and rms of the newest ``count`` entries of a ring of LONG."""
-    total = 0.0
-    square = 0.0
-    for k in range(count):
-        v = ring[(newest - k) % LONG]
-        total += v
-        square += v * v
-    return total / count, math.sqrt(square / count)
 
 
 @kernel
@@ -158,96 +81,6 @@ def _median(c: Array, use: Array) -> float:
 
 
 @kernel
-def _features(ring: Array, newest: int, filled: int, limit: float, out: Array) -> None:
-    """Onset, slope and raggedness of a residual up to its conviction."""
-    # onset: back to where half a second stayed within a third of the threshold
-    at = 0
-    while at + 5 < min(filled, LONG):
-        quiet = True
-        for k in range(5):
-            if abs(ring[(newest - at - k) % LONG]) > 0.35 * limit:
-                quiet = False
-                break
-        if quiet:
-            break
-        at += 1
-    n = max(at, 3)
-    total, square, slope, ss, signs, peak = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(n):
-        total += ring[(newest - k) % LONG]
-    mean = total / n
-    for k in range(n):
-        v = ring[(newest - k) % LONG]
-        tau = 0.5 * (n - 1) - k
-        slope += tau * (v - mean)
-        ss += tau * tau
-    slope /= max(ss, 1e-9)
-    previous = 0.0
-    for k in range(n):
-        v = ring[(newest - k) % LONG]
-        tau = 0.5 * (n - 1) - k
-        rest = v - mean - slope * tau
-        square += rest * rest
-        peak = max(peak, abs(v))
-        if v * previous < 0.0:
-            signs += 1.0
-        previous = v
-    out[L_ONSET] = at
-    out[L_SLOPE] = slope / STAGE_S
-    out[L_MEAN] = mean
-    out[L_RAGGED] = math.sqrt(square / n)
-    out[L_SIGNS] = signs / n
-    out[L_FIRST] = abs(ring[(newest - max(at - 1, 0)) % LONG])
-    out[L_PEAK] = peak
-
-
-@kernel
-def _write(
-    log: Array, row: int, z: Votes, t_s: float, ch: int, i: int, state: float, reason: float
-) -> int:
-    """Publish a state if it is a new one; returns the next free row."""
-    if z.state[ch, i] == state and z.reason[ch, i] == reason:
-        return row
-    z.state[ch, i] = state
-    z.reason[ch, i] = reason
-    if row >= log.shape[0]:
-        return row
-    out = log[row]
-    out[:] = np.nan
-    out[L_T] = t_s
-    out[L_CH] = ch
-    out[L_I] = i
-    out[L_STATE] = state
-    out[L_REASON] = reason
-    out[L_CAUSE] = z.cause[ch, i]
-    return row + 1
-
-
-@kernel
-def _convict(
-    log: Array, row: int, z: Votes, t_s: float, ch: int, i: int, ring: Array, newest: int,
-    statistic: float, limit: float, cause: float,
-) -> int:  # fmt: skip
-    """Latch a sensor, and say so with the residual's history."""
-    z.latched[ch, i] = 1.0
-    z.calm[ch, i] = 0.0
-    z.cause[ch, i] = cause
-    _, rms = _mean_rms(ring, newest, SHORT)
-    z.peak[ch, i] = rms
-    before = row
-    row = _write(log, row, z, t_s, ch, i, FAULTY, NO_REASON)
-    if row > before:
-        out = log[before]
-        _features(ring, newest, int(z.counters[0]), limit, out)
-        mean, _ = _mean_rms(ring, newest, 3)
-        out[L_MAGNITUDE] = mean
-        out[L_STATISTIC] = statistic
-        out[L_THRESHOLD] = limit
-        out[L_CONSTANT] = z.same[ch, i]
-    return row
-
-
-@kernel
 def _stay_or_come_back(
     z: Votes, p: VoteLimits, ch: int, i: int, limit: float, reference: float, newest: int,
     friends: int, walk: float,
@@ -261,7 +94,7 @@ def _stay_or_come_back(
         z.value[ch, i] * (1.0 - z.offset[ch, i]) if ch == 1 else z.value[ch, i] - z.offset[ch, i]
     )
     z.ring_r[ch, i, newest % LONG] = value - reference
-    mean, rms = _mean_rms(z.ring_r[ch, i], newest, SHORT)
+    mean, rms = mean_rms(z.ring_r[ch, i], newest, SHORT)
     z.peak[ch, i] = max(z.peak[ch, i], rms)
     level = p.clear_share * limit
     good = abs(mean) <= level and rms <= level
@@ -335,7 +168,7 @@ def judge(
                 if z.age[ch, i] <= SHORT:
                     z.latched[ch, i] = 0.0
                     z.flags[ch, :, :] = 0.0
-                    row = _write(log, row, z, t_s, ch, i, UNMONITORED, GROUND)
+                    row = write(log, row, z, t_s, ch, i, UNMONITORED, GROUND)
             z.lost[ch] = 0.0
             z.split[ch] = 0.0
             continue
@@ -366,8 +199,8 @@ def judge(
             z.ring_r[ch, i, now % LONG] = r
             z.ring_m[ch, i, now % LONG] = c[i] - remembered[ch] if model else 0.0
             count = min(now + 1, SHORT)
-            m[i], J[i] = _mean_rms(z.ring_r[ch, i], now, count)
-            _, M[i] = _mean_rms(z.ring_m[ch, i], now, count)
+            m[i], J[i] = mean_rms(z.ring_r[ch, i], now, count)
+            _, M[i] = mean_rms(z.ring_m[ch, i], now, count)
             limit = common if n_T == 1 else floor
             limit_m = min(max(limit, p.sigmas * math.sqrt(z.var_m[ch, i])), 3.0 * limit)
             limit_J = min(
@@ -381,7 +214,7 @@ def judge(
                 n_quiet += 1
             z.flags[ch, i, slot] = 1.0 if share > 1.0 else 0.0
         z.ring_fused[ch, now % LONG] = middle - remembered[ch] if model and n_T > 0 else 0.0
-        _, M_mid = _mean_rms(z.ring_fused[ch], now, min(now + 1, SHORT))
+        _, M_mid = mean_rms(z.ring_fused[ch], now, min(now + 1, SHORT))
         spread[ch] = worst if n_T > 1 else 0.0
 
         # a reading that stands still while the others move
@@ -408,7 +241,7 @@ def judge(
                     and n_others > 0
                     and moved > 0.35 * floor
                 ):
-                    row = _convict(
+                    row = convict(
                         log, row, z, t_s, ch, i, z.ring_r[ch, i], now, z.same[ch, i], p.constant_s,
                         CONSTANT,
                     )  # fmt: skip
@@ -434,7 +267,7 @@ def judge(
                 if n_confirmed > 1 and model and llr < 0.0:
                     continue
                 if llr > 1.0 or (waited and llr > -p.block_margin) or not model:
-                    row = _convict(
+                    row = convict(
                         log, row, z, t_s, ch, i, z.ring_r[ch, i], now, out[i] * floor, floor, VOTE
                     )
                     T[i] = 0.0
@@ -442,7 +275,7 @@ def judge(
                 elif llr < -p.majority_margin:
                     for j in range(3):
                         if j != i and T[j] == 1.0:
-                            row = _convict(
+                            row = convict(
                                 log,
                                 row,
                                 z,
@@ -466,8 +299,8 @@ def judge(
             cause = PAIR
             if model:
                 llr = (M[a] * M[a] - M[b] * M[b]) / (2.0 * sigma2)
-                mean_a, _ = _mean_rms(z.ring_m[ch, a], now, SHORT)
-                mean_b, _ = _mean_rms(z.ring_m[ch, b], now, SHORT)
+                mean_a, _ = mean_rms(z.ring_m[ch, a], now, SHORT)
+                mean_b, _ = mean_rms(z.ring_m[ch, b], now, SHORT)
                 fine_a = math.sqrt(max(M[a] * M[a] - mean_a * mean_a, 0.0))
                 fine_b = math.sqrt(max(M[b] * M[b] - mean_b * mean_b, 0.0))
                 if ragged_a > 0.7 * abs(m[a]) and max(fine_a, fine_b) > 2.5 * min(fine_a, fine_b):
@@ -476,7 +309,7 @@ def judge(
                 elif abs(llr) > p.pair_margin:
                     guilty = a if llr > 0.0 else b
             if guilty >= 0:
-                row = _convict(
+                row = convict(
                     log, row, z, t_s, ch, guilty, z.ring_m[ch, guilty], now, out[guilty] * floor,
                     floor, cause,
                 )  # fmt: skip
@@ -501,10 +334,10 @@ def judge(
             fused[ch, 1] = 1.0
         e = fused[ch, 0] - predicted[ch] if model and n_good > 0 else 0.0
         z.ring_e[ch, now % LONG] = e
-        mean_e, J_e = _mean_rms(z.ring_e[ch], now, min(now + 1, SHORT))
+        mean_e, J_e = mean_rms(z.ring_e[ch], now, min(now + 1, SHORT))
         limit_e = min(max(common, p.sigmas * math.sqrt(z.var_e[ch])), 2.0 * common)
         # a step that the wind takes up at once is still apart from the wind of a moment ago
-        mean_f, J_f = _mean_rms(z.ring_fused[ch], now, min(now + 1, SHORT))
+        mean_f, J_f = mean_rms(z.ring_fused[ch], now, min(now + 1, SHORT))
         limit_f = max(common, p.step_sigmas * math.sqrt(sigma2))
         bounded = J_e > limit_e and abs(mean_e) > 0.7 * limit_e
         stepped = J_f > limit_f and abs(mean_f) > 0.7 * limit_f and worst < 1.0
@@ -513,7 +346,14 @@ def judge(
             for i in range(3):
                 if T[i] == 1.0:
                     cause = BOUND if n_T > 1 else ALONE
-                    row = _convict(log, row, z, t_s, ch, i, z.ring_e[ch], now, J_e, limit_e, cause)
+                    if abs(mean_f) > abs(mean_e):
+                        row = convict(
+                            log, row, z, t_s, ch, i, z.ring_fused[ch], now, J_f, limit_f, cause
+                        )
+                    else:
+                        row = convict(
+                            log, row, z, t_s, ch, i, z.ring_e[ch], now, J_e, limit_e, cause
+                        )
                     T[i] = 0.0
             n_T = 0
             fused[ch, 1] = 0.0
@@ -568,16 +408,16 @@ def judge(
             if z.latched[ch, i] == 1.0:
                 continue
             if learning and z.state[ch, i] != OK:
-                row = _write(log, row, z, t_s, ch, i, UNMONITORED, LEARNING)
+                row = write(log, row, z, t_s, ch, i, UNMONITORED, LEARNING)
             elif n_T == 1 and not model:
-                row = _write(log, row, z, t_s, ch, i, UNMONITORED, MISSING)
+                row = write(log, row, z, t_s, ch, i, UNMONITORED, MISSING)
             elif n_T == 2 and z.split[ch] * STAGE_S > p.pair_wait_s:
                 before = row
-                row = _write(log, row, z, t_s, ch, i, SUSPECT, DISAGREE)
+                row = write(log, row, z, t_s, ch, i, SUSPECT, DISAGREE)
                 if row > before:
                     log[before, L_MAGNITUDE] = m[i]
                     log[before, L_STATISTIC] = abs(m[i])
                     log[before, L_THRESHOLD] = floor
             elif n_T != 2 or z.split[ch] == 0.0:
-                row = _write(log, row, z, t_s, ch, i, OK, NO_REASON)
+                row = write(log, row, z, t_s, ch, i, OK, NO_REASON)
     return row

@@ -45,7 +45,6 @@ from numpy.typing import NDArray
 
 from estimators.air_data_2d import air_outside, linearise
 from estimators.air_data_mhe import (
-    KT,
     AirDataMHE,
     AirDataTuning,
     mhe_advance,
@@ -53,6 +52,28 @@ from estimators.air_data_mhe import (
     window_views,
 )
 from estimators.jit import kernel
+from estimators.triplex_tuning import (
+    P_BASE,
+    P_CHANGE_X,
+    P_CHANGE_Z,
+    P_CLEAR,
+    P_CLEAR_SHARE,
+    P_FLOOR,
+    P_GUST_X,
+    P_GUST_Z,
+    P_LATCH,
+    P_MARGIN,
+    P_N_D,
+    P_N_EVAL,
+    P_REF_DELAY,
+    P_REF_MEAN,
+    P_SPREAD,
+    P_TH_A,
+    P_TH_V,
+    P_WALK,
+    TriplexTuning,
+)
+from estimators.wind_memory import against_remembered_wind, roll_back
 
 __all__ = [
     "CONFIGURATIONS",
@@ -61,7 +82,6 @@ __all__ = [
     "TriplexTuning",
     "fuse",
     "residual_rms",
-    "roll_back",
     "triplex_run",
 ]
 
@@ -69,13 +89,6 @@ Array = NDArray[np.float64]
 
 CONFIGURATIONS = ("I", "II", "III", "IV")
 CH_ALPHA, CH_CAS = 0, 1
-
-# indices of the parameter array
-P_N_EVAL, P_N_D, P_FLOOR, P_CLEAR_SHARE, P_CLEAR, P_LATCH, P_BASE, P_CHANGE_X, P_CHANGE_Z = range(9)
-P_WALK, P_GUST_X, P_GUST_Z, P_MARGIN, P_REF_DELAY, P_REF_MEAN, P_SPREAD, P_TH_A, P_TH_V = range(
-    9, 18
-)
-P_SIZE = 18
 
 FROZEN_VAR = 1e-12
 """Arrival and process variance of a held wind component [m^2/s^2]: it does not move."""
@@ -86,50 +99,6 @@ R_J = slice(4, 10)
 R_LATCHED = slice(10, 16)
 R_CONFIGURATION, R_ALPHA, R_CAS, R_ALPHA_STD, R_CAS_STD, R_STATUS = range(16, 22)
 R_SIZE = 22
-
-
-@dataclass(frozen=True)
-class TriplexTuning:
-    """Thresholds and times of the fault logic.
-
-    ``J_th``, ``N_eval`` are the paper's; ``n_D`` and the rest were chosen on synthetic longitudinal
-    flights in wind ramps and turbulence of up to 3.5 m/s rms. The remembered wind walks by
-    0.1 m/s/sqrt(s) (the figure of recorded flights) on top of the gusts.
-    """
-
-    N_eval: int = 10
-    n_D: int = 8
-    alpha_threshold_rad: float = math.radians(2.9)
-    cas_threshold_m_s: float = 12 * KT
-    floor_share: float = 0.02
-    clear_share: float = 0.6
-    clear_s: float = 3.0
-    latch: bool = True
-    change_base_s: float = 5.0
-    wind_change_m_s: tuple[float, float] = (45 * KT, 45 * KT)
-    wind_walk_m_s_sqrt_s: float = 0.1
-    gust_std_m_s: tuple[float, float] = (3.5, 2.0)
-    margin: float = 3.0
-    reference_delay_s: float = 0.5
-    reference_mean_s: float = 1.0
-    spread_share: float = 0.2
-
-    def parameters(self, t_s: float) -> Array:
-        """The kernel's parameter array; times in samples of ``t_s``."""
-        out = np.empty(P_SIZE)
-        out[P_N_EVAL], out[P_N_D] = self.N_eval, self.n_D
-        out[P_FLOOR], out[P_CLEAR_SHARE] = self.floor_share, self.clear_share
-        out[P_CLEAR], out[P_LATCH] = round(self.clear_s / t_s), self.latch
-        out[P_BASE] = round(self.change_base_s / t_s)
-        out[P_CHANGE_X], out[P_CHANGE_Z] = self.wind_change_m_s
-        out[P_WALK] = self.wind_walk_m_s_sqrt_s * math.sqrt(t_s)
-        out[P_GUST_X], out[P_GUST_Z] = self.gust_std_m_s
-        out[P_MARGIN] = self.margin
-        out[P_REF_DELAY] = round(self.reference_delay_s / t_s)
-        out[P_REF_MEAN] = round(self.reference_mean_s / t_s)
-        out[P_SPREAD] = self.spread_share
-        out[P_TH_A], out[P_TH_V] = self.alpha_threshold_rad, self.cas_threshold_m_s
-        return out
 
 
 @kernel
@@ -161,61 +130,6 @@ def fuse(value: Array, J: Array, use: Array, M: Array) -> tuple[float, float, bo
     if total == 0.0:
         return 0.0, 0.0, False
     return fused / total, M_fused / total, True
-
-
-@kernel
-def _against_remembered_wind(theta: Array, V_z: float, W: Array, air: Array) -> tuple[float, float]:
-    """(alpha, V_c) that V_g, V_z and pitch give with the wind W = (W_x, W_z): (10) turned round."""
-    V_g = theta[0]
-    down = min(max(V_z, -V_g), V_g)
-    north = math.sqrt(V_g * V_g - down * down) - W[0]
-    down -= W[1]
-    V_t = math.hypot(north, down)
-    alpha = theta[1] + math.atan2(down, north)
-    x = np.array([alpha, V_t, 0.0, 0.0])
-    still = np.array([V_t, theta[1], 0.0, 0.0, 0.0, theta[5]])
-    F = np.empty(4)
-    h = np.empty(4)
-    J = np.empty((3, 4, 4))
-    linearise(0, x, F, still, air, 0.0, np.empty(4), J[0], J[1], h, J[2])
-    return alpha, h[3]
-
-
-@kernel
-def roll_back(
-    ring: Array, newest: int, filled: int, t_s: float, bound: float, base: int, change: float
-) -> float:
-    """Wind before the onset of a fault that all sensors of a channel share.
-
-    A wind that leans neither on its ``bound`` nor on the edge of its band (``change`` over ``base``
-    samples) has taken up nothing yet: the wind of 1.5 s ago. One that does has followed the fault:
-    go back over the time it leant on the bound, then as long as the wind of one second before is
-    further from where it arrived, by at least 0.3 m/s and 0.4 of the last seconds' rate, and two
-    seconds more.
-    """
-    size = ring.size
-    lag = round(1.0 / t_s)
-    at = 0
-    while at + lag < filled and abs(ring[(newest - at) % size]) > 0.9 * bound:
-        at += 1
-    leant = at
-    now = ring[(newest - at) % size]
-    moved = abs(now - ring[(newest - min(at + base, filled - 1)) % size])
-    if leant == 0 and moved < 0.8 * change:
-        at = min(lag + lag // 2, filled - 1)
-    else:
-        start = ring[(newest - min(at + 2 * lag, filled - 1)) % size]
-        sign = 1.0 if now >= start else -1.0
-        least = max(0.3, 0.2 * abs(now - start))
-        while at + lag < filled:
-            here = ring[(newest - at) % size]
-            older = ring[(newest - at - lag) % size]
-            if sign * (here - older) < least and at >= leant + 2 * lag:
-                break
-            at += 1
-        at = min(at + 2 * lag, filled - 1)
-    before: float = ring[(newest - at) % size]
-    return before
 
 
 @kernel
@@ -289,7 +203,7 @@ def triplex_run(
         mhe_advance(model, t_s, N, window, y_new, use_new, th, 0.0, work)
         # the predicted outputs with their air
         linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
-        ref_alpha, ref_cas = _against_remembered_wind(th, inertial[row, 1], W_ref, air)
+        ref_alpha, ref_cas = against_remembered_wind(th, inertial[row, 1], W_ref, air)
 
         for ch in range(2):
             limit = threshold[ch]

@@ -25,7 +25,7 @@ from estimators.air_triplex_stream import (
     new_stream,
     run,
 )
-from estimators.air_vote import LOG_SIZE, STAGE_S, VoteLimits
+from estimators.air_vote_record import LOG_SIZE, STAGE_S, VoteLimits
 from links.samples import Rows
 from monitor.settings.triplex import TriplexSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import air_vote as vote
+from estimators import air_vote_record as vote
 from links.vocabulary import Kind, Reason, State
 from monitor.verdict import Verdict
 
@@ -30,8 +30,9 @@ RUNAWAY = (math.radians(0.5), 2.0)
 """A drift faster than this, rad/s and m/s^2, is called a runaway (4 kt/s for a pitot)."""
 STILL_S = 0.65
 """A reading that has not changed for this long when it is convicted is stuck, s."""
-STEADY_WHITE = 0.25, 0.75
-"""Share of sign changes between which a ragged residual is noise: white noise has a half."""
+WHITE = 0.9, 3.1
+"""Squared steps over squares (von Neumann's ratio) between which a ragged residual is noise: white
+noise has 2, an oscillation of 1 Hz seen at 10 Hz has 0.4, one of 4 Hz has 3.6."""
 
 
 def fault_kind(row: NDArray[np.float64]) -> Kind:
@@ -41,8 +42,8 @@ def fault_kind(row: NDArray[np.float64]) -> Kind:
         return Kind.STUCK
     mean, ragged, slope = abs(row[vote.L_MEAN]), row[vote.L_RAGGED], row[vote.L_SLOPE]
     if ragged > mean or row[vote.L_CAUSE] == vote.RAGGED:
-        low, high = STEADY_WHITE
-        return Kind.NOISE if low < row[vote.L_SIGNS] < high else Kind.OSCILLATION
+        low, high = WHITE
+        return Kind.NOISE if low < row[vote.L_ROUGH] < high else Kind.OSCILLATION
     peak, last = row[vote.L_PEAK], abs(row[vote.L_MAGNITUDE])
     if last < 0.7 * peak and row[vote.L_FIRST] < 0.6 * peak:
         return Kind.OSCILLATION

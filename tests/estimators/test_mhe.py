@@ -9,10 +9,10 @@ from estimators.mhe import (
     NON_FINITE,
     SOLVED,
     barrier_qp,
-    converged_qp,
     kkt_step,
     work_size,
 )
+from estimators.mhe_converged import converged_qp
 from estimators.mhe_four import kkt_step_four
 
 from .air_oracle import CONSTRAINED, load
