@@ -47,7 +47,9 @@ __all__ = [
     "Horizon",
     "WindLimits",
     "air_outputs",
+    "fill",
     "new_horizon",
+    "put",
     "shift",
     "solve",
     "start",
@@ -76,6 +78,8 @@ class WindLimits(NamedTuple):
     aoa_std_rad: float
     sideslip_std_rad: float
     offset_std_rad: float
+    n_kappa: int
+    n_qp: int
 
 
 class Horizon(NamedTuple):
@@ -111,6 +115,20 @@ def new_horizon(N: int) -> Horizon:
 
 
 @kernel
+def fill(a: Array, v: float) -> None:
+    """Set every entry of a vector. (Slice assignment costs seconds of compilation.)"""
+    for k in range(a.size):
+        a[k] = v
+
+
+@kernel
+def put(a: Array, b: Array) -> None:
+    """Copy a vector."""
+    for k in range(a.size):
+        a[k] = b[k]
+
+
+@kernel
 def air_outputs(x: Array, R_bn: Array, air: Array, h: Array, C: Array) -> bool:
     """Write the six outputs and their Jacobian at x; False below 2 m/s of airspeed.
 
@@ -122,7 +140,8 @@ def air_outputs(x: Array, R_bn: Array, air: Array, h: Array, C: Array) -> bool:
     w = R_bn[2, 0] * d0 + R_bn[2, 1] * d1 + R_bn[2, 2] * d2
     speed = math.sqrt(u * u + v * v + w * w)
     plane = u * u + w * w
-    C[:, :] = 0.0
+    for k in range(M3):
+        fill(C[k], 0.0)
     for a in range(3):
         h[a] = x[a]
         C[a, a] = 1.0
@@ -150,17 +169,20 @@ def air_outputs(x: Array, R_bn: Array, air: Array, h: Array, C: Array) -> bool:
 def start(z: Horizon, limits: WindLimits, V: Array, R_bn: Array, air: Array) -> None:
     """Begin at velocity V (3,) in still air."""
     N = z.x.shape[0]
-    z.x[:, :] = 0.0
-    z.u[:, :] = 0.0
-    z.use[:, :] = 0.0
-    z.dV[:, :] = 0.0
-    z.P[:, :] = 0.0
     for i in range(N):
+        fill(z.x[i], 0.0)
+        fill(z.use[i], 0.0)
+        fill(z.dV[i], 0.0)
         for a in range(3):
             z.x[i, a] = V[a]
-        z.R_bn[i] = R_bn
-        z.air[i] = air
-    z.x_prior[:] = z.x[0]
+        put(z.air[i], air)
+        for a in range(3):
+            put(z.R_bn[i, a], R_bn[a])
+        if i < N - 1:
+            fill(z.u[i], 0.0)
+    for a in range(N3):
+        fill(z.P[a], 0.0)
+    put(z.x_prior, z.x[0])
     down = limits.walk_down_m_s * math.sqrt(0.5 * limits.down_tau_s)
     for a in range(3):
         z.P[a, a] = 4.0
@@ -176,9 +198,9 @@ def start(z: Horizon, limits: WindLimits, V: Array, R_bn: Array, air: Array) -> 
 @kernel
 def _transition(z: Horizon, i: int, down_keep: float) -> None:
     """A and B of the step from stage i: the vertical wind is drawn to zero."""
-    z.A[i, :, :] = 0.0
-    z.B[i, :, :] = 0.0
     for a in range(N3):
+        fill(z.A[i, a], 0.0)
+        fill(z.B[i, a], 0.0)
         z.A[i, a, a] = 1.0
         z.B[i, a, a] = 1.0
     z.A[i, 5, 5] = down_keep
@@ -246,20 +268,22 @@ def shift(
         _transition(z, i, keep)
     _filter_arrival(z, z.vectors[10, 0])
     for i in range(N - 1):
-        z.x[i] = z.x[i + 1]
-        z.y[i] = z.y[i + 1]
-        z.use[i] = z.use[i + 1]
-        z.R_bn[i] = z.R_bn[i + 1]
-        z.air[i] = z.air[i + 1]
-        z.dV[i] = z.dV[i + 1]
+        put(z.x[i], z.x[i + 1])
+        put(z.y[i], z.y[i + 1])
+        put(z.use[i], z.use[i + 1])
+        put(z.air[i], z.air[i + 1])
+        put(z.dV[i], z.dV[i + 1])
+        for a in range(3):
+            put(z.R_bn[i, a], z.R_bn[i + 1, a])
         if i < N - 2:
-            z.u[i] = z.u[i + 1]
-    z.u[N - 2] = 0.0
-    z.use[N - 1] = 0.0
-    z.y[N - 1] = 0.0
-    z.R_bn[N - 1] = R_bn
-    z.air[N - 1] = air
-    z.dV[N - 1] = dV
+            put(z.u[i], z.u[i + 1])
+    fill(z.u[N - 2], 0.0)
+    fill(z.use[N - 1], 0.0)
+    fill(z.y[N - 1], 0.0)
+    put(z.air[N - 1], air)
+    put(z.dV[N - 1], dV)
+    for a in range(3):
+        put(z.R_bn[N - 1, a], R_bn[a])
     for a in range(3):
         z.x[N - 1, a] = z.x[N - 2, a] + dV[a]
     z.x[N - 1, 5] = keep * z.x[N - 2, 5]
@@ -285,7 +309,7 @@ def solve(z: Horizon, limits: WindLimits, centre: Array, band: Array, bounded: b
                 ry[i, k] = z.y[i, k] - h[k]
             else:
                 ry[i, k] = 0.0
-                z.C[i, k] = 0.0
+                fill(z.C[i, k], 0.0)
         for a in range(N3):
             xl[i, a] = -np.inf
             xu[i, a] = np.inf
@@ -307,7 +331,7 @@ def solve(z: Horizon, limits: WindLimits, centre: Array, band: Array, bounded: b
         rx[a] = z.x_prior[a] - z.x[0, a]
     status = barrier_qp(
         z.P, z.Q, z.R, z.A, z.B, z.C, f, rx, ru, ry, xl, xu, ul[: N - 1], uu[: N - 1],
-        1.0, 2, 2, dx, du[: N - 1], z.work,
+        1.0, limits.n_kappa, limits.n_qp, dx, du[: N - 1], z.work,
     )  # fmt: skip
     z.state[1] = status
     if status >= NON_FINITE:

@@ -55,7 +55,9 @@ from estimators.air_vote_record import (
     VoteLimits,
     Votes,
     convict,
+    lower,
     mean_rms,
+    raised,
     write,
 )
 from estimators.jit import kernel
@@ -106,7 +108,7 @@ def _stay_or_come_back(
     z.calm[ch, i] = z.calm[ch, i] + 1.0 if good else 0.0
     if z.calm[ch, i] * STAGE_S >= p.clear_s:
         z.latched[ch, i] = 0.0
-        z.flags[ch, i, :] = 0.0
+        lower(z.flags[ch, i])
 
 
 @kernel
@@ -167,7 +169,8 @@ def judge(
             for i in range(3):
                 if z.age[ch, i] <= SHORT:
                     z.latched[ch, i] = 0.0
-                    z.flags[ch, :, :] = 0.0
+                    for j in range(4):
+                        lower(z.flags[ch, j])
                     row = write(log, row, z, t_s, ch, i, UNMONITORED, GROUND)
             z.lost[ch] = 0.0
             z.split[ch] = 0.0
@@ -251,7 +254,7 @@ def judge(
         confirmed = np.zeros(3)
         n_confirmed = 0
         for i in range(3):
-            if T[i] == 1.0 and z.flags[ch, i].sum() >= CONFIRM:
+            if T[i] == 1.0 and raised(z.flags[ch, i]) >= CONFIRM:
                 confirmed[i] = 1.0
                 n_confirmed += 1
 
@@ -342,7 +345,7 @@ def judge(
         bounded = J_e > limit_e and abs(mean_e) > 0.7 * limit_e
         stepped = J_f > limit_f and abs(mean_f) > 0.7 * limit_f and worst < 1.0
         z.flags[ch, 3, slot] = 1.0 if bounded or stepped else 0.0
-        if not learning and model and n_good > 0 and z.flags[ch, 3].sum() >= CONFIRM:
+        if not learning and model and n_good > 0 and raised(z.flags[ch, 3]) >= CONFIRM:
             for i in range(3):
                 if T[i] == 1.0:
                     cause = BOUND if n_T > 1 else ALONE
@@ -357,7 +360,7 @@ def judge(
                     T[i] = 0.0
             n_T = 0
             fused[ch, 1] = 0.0
-            z.flags[ch, 3, :] = 0.0
+            lower(z.flags[ch, 3])
         z.lost[ch] = z.lost[ch] + 1.0 if n_T == 0 else 0.0
 
         # learn while all is well

@@ -24,7 +24,7 @@ from estimators.jit import kernel
 
 __all__ = [
     "LOG_SIZE", "LONG", "SHORT", "STAGE_S", "VoteLimits", "Votes", "convict", "features",
-    "mean_rms", "new_votes", "write",
+    "mean_rms", "new_votes", "raised", "write",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -180,6 +180,22 @@ def features(ring: Array, newest: int, filled: int, limit: float, out: Array) ->
 
 
 @kernel
+def raised(flags: Array) -> float:
+    """Number of the flags that are up."""
+    total = 0.0
+    for k in range(SHORT):
+        total += flags[k]
+    return total
+
+
+@kernel
+def lower(flags: Array) -> None:
+    """Take all flags down."""
+    for k in range(SHORT):
+        flags[k] = 0.0
+
+
+@kernel
 def write(
     log: Array, row: int, z: Votes, t_s: float, ch: int, i: int, state: float, reason: float
 ) -> int:
@@ -191,7 +207,8 @@ def write(
     if row >= log.shape[0]:
         return row
     out = log[row]
-    out[:] = np.nan
+    for k in range(LOG_SIZE):
+        out[k] = np.nan
     out[L_T] = t_s
     out[L_CH] = ch
     out[L_I] = i

@@ -55,6 +55,8 @@ def params(settings: TriplexSettings) -> TriplexParams:
             aoa_std_rad=rad(s.aoa_std_deg),
             sideslip_std_rad=rad(s.sideslip_std_deg),
             offset_std_rad=rad(s.offset_std_deg),
+            n_kappa=2,
+            n_qp=2,
         ),
         VoteLimits(
             floor_aoa_rad=rad(s.aoa_threshold_deg),

@@ -23,7 +23,7 @@ LIMITS = WindLimits(
     walk_m_s=0.5, walk_down_m_s=0.4, down_tau_s=10.0, velocity_walk_m_s=0.3, offset_walk_rad=1e-4,
     bound_m_s=60.0, bound_down_m_s=10.0, gps_std_m_s=0.15, cas_std_m_s=0.5,
     aoa_std_rad=math.radians(0.4), sideslip_std_rad=math.radians(4.0),
-    offset_std_rad=math.radians(1.0),
+    offset_std_rad=math.radians(1.0), n_kappa=2, n_qp=2,
 )  # fmt: skip
 FREE = np.zeros(3), np.full(3, np.inf)
 
