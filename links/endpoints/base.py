@@ -6,6 +6,7 @@ import errno
 import select
 import socket
 import time
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -97,7 +98,7 @@ def now_us() -> int:
     return time.monotonic_ns() // 1000
 
 
-class Link:
+class Link(ABC):
     """The part that all endpoints share: name, counters, context manager."""
 
     def __init__(self, name: str) -> None:
@@ -108,8 +109,9 @@ class Link:
     def ended(self) -> bool:
         return False
 
+    @abstractmethod
     def close(self) -> None:
-        raise NotImplementedError
+        """Give the port, socket or file back."""
 
     def __enter__(self) -> Self:
         return self
