@@ -58,7 +58,8 @@ def caught(path: Path) -> None:
     t = pitot["t_us"] / 1e6
     inside = (t > begin) & (t < end)
     axes.plot(t[inside], pitot["cas_m_s"][inside], color=MEASURED, lw=1, label="airspeed1 reads")
-    t_true, true = player.truth(flight)["t_s"], player.truth(flight)["cas_m_s"]
+    truth = player.truth(flight)
+    t_true, true = truth["t_us"] / 1e6, truth["cas_m_s"]
     inside = (t_true > begin) & (t_true < end)
     axes.plot(t_true[inside], true[inside], color=TRUE, lw=1, ls="--", label="true")
     axes.annotate(
@@ -68,7 +69,7 @@ def caught(path: Path) -> None:
         textcoords="offset points",
         color=MEASURED,
     )
-    axes.set(xlabel="flight time [s]", ylabel="calibrated airspeed [m/s]", xlim=(begin, end))
+    axes.set(xlabel="vehicle time [s]", ylabel="calibrated airspeed [m/s]", xlim=(begin, end))
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(loc="lower right", frameon=False)
     figure.savefig(path, dpi=110)
