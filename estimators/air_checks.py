@@ -3,7 +3,8 @@
 ======== ==================================================================== ====
 symbol   meaning                                                              unit
 ======== ==================================================================== ====
-c        calibrated airspeed shown                                            m/s
+raw      airspeed as the pitot sent it; whether it stands still shows here     m/s
+c        equivalent airspeed of it, which carries the static pressure's noise m/s
 p        what the pitot should show, of the bank's master; NaN while unknown  m/s
 V        speed over the ground                                                m/s
 z        ln c: noise is judged on it, so that a wrong scale is not noise      1
@@ -109,6 +110,7 @@ def check_sample(
     state: Array,
     limits: CheckLimits,
     t: float,
+    raw: float,
     c: float,
     p: float,
     p_std: float,
@@ -122,7 +124,7 @@ def check_sample(
     Parameters
     ----------
     state : (15,) float64, changed in place
-    t, c : float [s], [m/s]
+    t, raw, c : float [s], [m/s], [m/s]
     p, p_std : float [m/s], [1]
         Prediction and the standard deviation of its logarithm; NaN where there is none.
     ground_speed, sigma : float [m/s], [1]
@@ -142,9 +144,9 @@ def check_sample(
     state[Z2] = state[Z1] if dt < 0.5 else np.nan
     state[Z1] = z
     state[T_LAST] = t
-    same = c == state[LAST]
+    same = raw == state[LAST]
     state[N_SAME] = state[N_SAME] + 1.0 if same else 0.0
-    state[LAST] = c
+    state[LAST] = raw
     if not same or not flying:
         state[SAME_SINCE] = t
     constant = flying and state[N_SAME] >= 4.0 and t - state[SAME_SINCE] > limits.constant_s

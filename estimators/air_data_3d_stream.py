@@ -142,7 +142,7 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
     sigma = sigma_rho_from_pressure(memory[PRESSURE])
     dt = min(t - check[T_LAST], 1.0)
     failed = check_sample(
-        check, par.checks, t, eas, p, p_std, speed, sigma, flying, s[S_LEARNT] == LEARNT
+        check, par.checks, t, c, eas, p, p_std, speed, sigma, flying, s[S_LEARNT] == LEARNT
     )
     pair_noise(air.check, par.checks, i, dt)
     known = known_pitots(air)

@@ -27,7 +27,9 @@ def first_failure(
     state = checks.new_check()
     for k, value in enumerate(c):
         t = k / HZ
-        failed = checks.check_sample(state, LIMITS, t, value, p, 0.01, V, 1.0, flying, learnt)
+        failed = checks.check_sample(
+            state, LIMITS, t, value, value, p, 0.01, V, 1.0, flying, learnt
+        )
         if failed != checks.CHECK_NONE:
             return failed, t
     return checks.CHECK_NONE, math.inf
@@ -78,7 +80,7 @@ def scatter(noise: list[float], gust: float, scale: list[float], seed: int = 1) 
         air = 20.0 * (1.0 + gust * rng.standard_normal())
         for i, std in enumerate(noise):
             c = scale[i] * air * (1.0 + std * rng.standard_normal())
-            checks.check_sample(states[i], LIMITS, k / HZ, c, 20.0, 0.01, 20.0, 1.0, True, True)
+            checks.check_sample(states[i], LIMITS, k / HZ, c, c, 20.0, 0.01, 20.0, 1.0, True, True)
             checks.pair_noise(states, LIMITS, i, 1.0 / HZ)
             found[i] |= bool(checks.noise_check(states, LIMITS, i, use & ~(1 << i), k / HZ))
     return found

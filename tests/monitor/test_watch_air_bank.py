@@ -136,8 +136,11 @@ def test_a_partly_cleared_pitot_stays_faulty(watch: AirBankWatch) -> None:
     assert 240.0 < history[2][1] < 260.0
 
 
-def test_a_stuck_pitot(watch: AirBankWatch) -> None:
+@pytest.mark.parametrize("pressure_noise_pa", [0.0, 8.0])
+def test_a_stuck_pitot(watch: AirBankWatch, pressure_noise_pa: float) -> None:
     flight = circuits(160.0)
+    pressure = flight["baro0"]["static_press_pa"]
+    pressure += pressure_noise_pa * np.random.default_rng(5).standard_normal(len(pressure))
     rows = flight["airspeed1"]
     rows["cas_m_s"][during(flight, "airspeed1", 120.0)] = 17.0
     found = faulty(judged(flight, watch))
