@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import dataclass
 from math import degrees, isfinite
 
-from links.vocabulary import GYRO_ACC_AXES, State
+from links.vocabulary import GYRO_ACC_AXES, Kind, State
 from monitor.verdict import Verdict
 
 __all__ = ["TEXT_MAX", "Announcer", "Text", "size_phrase", "wording"]
@@ -44,9 +44,13 @@ class Text:
     text: str
 
 
+_BY_KIND = frozenset({Kind.STUCK, Kind.NOISE, Kind.OSCILLATION, Kind.DROPOUT})
+"""Kinds of which the size at one moment says little."""
+
+
 def size_phrase(verdict: Verdict) -> str:
-    """``"3.1 m/s low"``, or the fault's kind when its size is not known."""
-    if not isfinite(verdict.magnitude):
+    """``"3.1 m/s low"``, or the fault's kind when that says more or the size is not known."""
+    if verdict.kind in _BY_KIND or not isfinite(verdict.magnitude):
         return str(verdict.kind)
     factor, unit = _SHOWN_UNIT.get(verdict.unit, (1.0, verdict.unit))
     size = abs(verdict.magnitude) * factor

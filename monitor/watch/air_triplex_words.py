@@ -77,7 +77,10 @@ def verdict(row: NDArray[np.float64], epoch_us: int) -> Verdict:
             evidence=f"{sensor} differs from the other one by {_size(row, ch)}, and the wind "
             "cannot tell which is wrong.",
         )
-    onset_us = t_us - round(float(row[vote.L_ONSET]) * vote.STAGE_S * 1e6)
+    age_s = float(row[vote.L_ONSET]) * vote.STAGE_S
+    if row[vote.L_CAUSE] == vote.CONSTANT:
+        age_s = max(age_s, float(row[vote.L_CONSTANT]))
+    onset_us = t_us - round(age_s * 1e6)
     return Verdict(
         t_us,
         sensor,

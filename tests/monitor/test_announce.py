@@ -31,7 +31,7 @@ def faulty(sensor: str, magnitude: float = math.nan, unit: str = "", **extra) ->
             "imu0.gyro_z FAULTY: 5.7 deg/s high since 20 s",
         ),
         (faulty("aoa2", 0.05, "rad"), "aoa2 FAULTY: 2.9 deg high"),
-        (faulty("aoa1", kind=Kind.STUCK), "aoa1 FAULTY: stuck"),
+        (faulty("aoa1", 0.1, "rad", kind=Kind.STUCK), "aoa1 FAULTY: stuck"),
         (Verdict(0, "airspeed1", State.STALE), "airspeed1 STALE: its data stopped"),
         (Verdict(0, "airspeed1", State.OK), "airspeed1 ok"),
         (
