@@ -28,9 +28,10 @@ Differs, each for a reason that a simulated flight shows:
   deviation that grows. Sensors come back when at least two agree with each other, their wind lies
   inside the bounds, and they meet the held wind within 3 sigma and half of the largest residual
   since the latch.
-* Weights (19) let two sensors that drift together vote the healthy third one out. A sensor is
-  confirmed only if it disagrees with the remembered wind at least as much as the fused value does;
-  when the fused value disagrees far more than an outvoted sensor, those who made it are confirmed.
+* Weights (19) let two sensors that err together vote the healthy third one out. When one side has
+  jumped against the prediction and the other has not, the jump is wrong. When all crept, a sensor
+  is confirmed only if it disagrees with the remembered wind more than the fused value does, and
+  when the fused value disagrees far more, those who made it are confirmed.
 * The wind is confined to a band about its value ``change_base_s`` ago, which gives the bound on its
   rate a time base.
 """
@@ -63,6 +64,7 @@ from estimators.triplex_tuning import (
     P_GUST_Z,
     P_LATCH,
     P_MARGIN,
+    P_MARGIN_ONE,
     P_N_D,
     P_N_EVAL,
     P_REF_DELAY,
@@ -71,9 +73,10 @@ from estimators.triplex_tuning import (
     P_TH_A,
     P_TH_V,
     P_WALK,
+    TriplexRecord,
     TriplexTuning,
 )
-from estimators.wind_memory import against_remembered_wind, roll_back
+from estimators.wind_memory import against_remembered_wind, extrapolated, roll_back, trend
 
 __all__ = [
     "CONFIGURATIONS",
@@ -90,6 +93,10 @@ Array = NDArray[np.float64]
 CONFIGURATIONS = ("I", "II", "III", "IV")
 CH_ALPHA, CH_CAS = 0, 1
 
+JUMP_S = 3.0
+"""Time in which a jump of a sensor against the prediction is forgotten [s]."""
+ESTIMATE_LAG_S = 1.0
+"""Time by which the horizon's wind lags behind a ramp at the paper's weights [s]."""
 FROZEN_VAR = 1e-12
 """Arrival and process variance of a held wind component [m^2/s^2]: it does not move."""
 
@@ -144,7 +151,7 @@ def triplex_run(
     ----------
     model .. n_sqp, N, window, work
         As in :func:`estimators.air_data_mhe.mhe_step`.
-    par : (18,) float64
+    par : (19,) float64
         :meth:`TriplexTuning.parameters`.
     rings : (3, 2, 3, N_eval) float64, updated
         Residuals against the prediction, against the remembered wind, and raised flags.
@@ -171,6 +178,11 @@ def triplex_run(
     since = memory[21:23]  # samples since then
     held = memory[23:25]  # (W_x, W_z) held
     W_ref = memory[25:27]  # (W_x, W_z) remembered
+    rate = memory[27:29]  # its trend
+    rate_var = memory[29:31]  # the trends' variance
+    parted_s = memory[31:33]  # time since the sensors parted, per wind component
+    jump = memory[33:39].reshape(2, 3)  # largest jump of the last seconds, forgotten in 3 s
+    W_now = np.empty(2)
     J = np.empty((2, 3))
     M = np.empty((2, 3))
     use_sensor = np.empty((2, 3))
@@ -203,7 +215,10 @@ def triplex_run(
         mhe_advance(model, t_s, N, window, y_new, use_new, th, 0.0, work)
         # the predicted outputs with their air
         linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
-        ref_alpha, ref_cas = against_remembered_wind(th, inertial[row, 1], W_ref, air)
+        lag_s = (par[P_REF_DELAY] + par[P_REF_MEAN]) * t_s + ESTIMATE_LAG_S
+        for c in range(2):
+            W_now[c] = extrapolated(W_ref[c], rate[c], lag_s + parted_s[c])
+        ref_alpha, ref_cas = against_remembered_wind(th, inertial[row, 1], W_now, air)
 
         for ch in range(2):
             limit = threshold[ch]
@@ -220,6 +235,13 @@ def triplex_run(
                 J[ch, i] = max(residual_rms(rings[0, ch, i], seen), par[P_FLOOR] * limit)
                 M[ch, i] = residual_rms(rings[1, ch, i], seen)
                 above = J[ch, i] > limit
+                jump[ch, i] *= 1.0 - t_s / JUMP_S
+                if k >= 6:
+                    leap = 0.0
+                    for e in range(3):
+                        leap += rings[0, ch, i, (k - e) % n_eval] / 3.0
+                        leap -= rings[0, ch, i, (k - 3 - e) % n_eval] / 3.0
+                    jump[ch, i] = max(jump[ch, i], abs(leap))
                 rings[2, ch, i, slot] = 1.0 if above else 0.0
                 use_sensor[ch, i] = 0.0 if above or silent or latched[ch, i] else 1.0
                 if not latched[ch, i]:
@@ -237,32 +259,53 @@ def triplex_run(
             gust = par[P_GUST_Z] / max(th[0], 1.0) if ch == 0 else par[P_GUST_X]
             two_var = 2.0 * gust * gust if any_used else 0.0
             majority_wrong = False
+            leapt = np.inf if any_used else 0.0
+            for i in range(3):
+                if use_sensor[ch, i] == 1.0:
+                    leapt = min(leapt, jump[ch, i])
             for i in range(3):
                 raised = 0.0
                 for e in range(seen):
                     raised += rings[2, ch, i, e]
                 if raised >= par[P_N_D] and not latched[ch, i]:
                     llr = M[ch, i] * M[ch, i] - M_fused * M_fused
-                    if llr >= 0.0:
+                    # who jumped is wrong; when all crept the memory has the word
+                    own = jump[ch, i]
+                    if own > 0.5 * limit and own > 2.0 * leapt:
+                        guilty = True
+                    elif leapt > 0.5 * limit and leapt > 2.0 * own:
+                        guilty = False
+                        majority_wrong = True
+                    else:
+                        guilty = llr >= par[P_MARGIN_ONE] * two_var
+                        majority_wrong = majority_wrong or -llr > par[P_MARGIN] * two_var
+                    if guilty:
                         latched[ch, i] = 1.0
                         peak[ch, i] = J[ch, i]
                         calm[ch, i] = 0.0
-                    elif -llr > par[P_MARGIN] * two_var:
-                        majority_wrong = True
             if majority_wrong:
+                # the wind that the others ask for, from the last samples against the memory
+                w = 3 - ch
+                apart = 0.0
+                left = 0.0
                 for i in range(3):
                     if use_sensor[ch, i] == 1.0:
                         latched[ch, i] = 1.0
                         peak[ch, i] = M[ch, i]
                         calm[ch, i] = 0.0
                         rings[0, ch, i, :] = rings[1, ch, i, :]
-                    else:
+                    elif not latched[ch, i]:
+                        left += 1.0
+                        for e in range(seen):
+                            apart += rings[1, ch, i, e] / seen
+                        rings[0, ch, i, :] = 0.0
                         rings[2, ch, i, :] = 0.0
                 use_new[2 + ch] = 0.0
-                w = 3 - ch
+                apart /= max(left, 1.0)
+                seed = W_now[1 - ch] - (apart if ch == 1 else apart * th[0])
                 for j in range(N):
-                    x[j, w] = W_ref[1 - ch]
-                x_prior[w] = W_ref[1 - ch]
+                    x[j, w] = seed
+                x_prior[w] = seed
                 u[:, w] = 0.0
 
             # come back one by one, or, after a whole channel was lost, in agreement
@@ -335,14 +378,21 @@ def triplex_run(
                 table[1, w] = FROZEN_VAR
                 table[3, w] = -np.inf
                 table[4, w] = np.inf
-            # remember the wind while the sensors agree
+            # remember the wind and its trend while the sensors agree
             if parted - together < par[P_SPREAD] * limit and lost[ch] == 0.0:
                 delay = int(par[P_REF_DELAY])
+                parted_s[1 - ch] = 0.0
                 if k > delay:
-                    old = winds[1 - ch, (k - 1 - delay) % S]
-                    W_ref[1 - ch] += (old - W_ref[1 - ch]) / par[P_REF_MEAN]
-            elif lost[ch] == 1.0:
-                W_ref[1 - ch] = held[1 - ch]
+                    at = k - 1 - delay
+                    W_ref[1 - ch] += (winds[1 - ch, at % S] - W_ref[1 - ch]) / par[P_REF_MEAN]
+                    rate[1 - ch], rate_var[1 - ch] = trend(
+                        winds[1 - ch], at, min(at + 1, S), t_s, rate_var[1 - ch]
+                    )
+            else:
+                parted_s[1 - ch] += t_s
+                if lost[ch] == 1.0:
+                    W_ref[1 - ch] = held[1 - ch]
+                    rate[1 - ch] = 0.0
             # band about the wind of change_base_s ago
             base = int(par[P_BASE])
             confine[1, 1 - ch] = np.inf
@@ -378,36 +428,6 @@ def triplex_run(
         out[R_ALPHA_STD] = math.hypot(math.sqrt(tuning[2, 2]), wz / max(th[0], 1.0))
         out[R_CAS_STD] = math.hypot(math.sqrt(tuning[2, 3]), wx)
         out[R_STATUS] = status
-
-
-@dataclass
-class TriplexRecord:
-    """What :class:`Triplex` says of each sample.
-
-    Attributes
-    ----------
-    x : (T, 4) float64
-        [alpha, V_g, W_x, W_z] [rad, m/s].
-    J : (T, 2, 3) float64 [rad, m/s]
-        Residual rms; channel 0 the vanes, 1 the pitots.
-    faulty : (T, 2, 3) bool
-    configuration : (T,) int
-        Index into :data:`CONFIGURATIONS`.
-    alpha, cas, alpha_std, cas_std : (T,) float64 [rad, m/s]
-        Reconstructed values; while a channel is lost the deviation carries the held wind's.
-    status : (T,) int
-        Of the solver, :mod:`estimators.mhe`.
-    """
-
-    x: Array
-    J: Array
-    faulty: NDArray[np.bool_]
-    configuration: NDArray[np.int64]
-    alpha: Array
-    cas: Array
-    alpha_std: Array
-    cas_std: Array
-    status: NDArray[np.int64]
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Thresholds and times of the triplex fault logic, and their order in the kernel's array.
+"""What goes into the triplex fault logic and what comes out: thresholds, times, the record.
 
 =============  =========================================================  =====  ==========
 symbol         meaning                                                    unit   wan2018
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from estimators.air_data_mhe import KT
 
-__all__ = ["TriplexTuning"]
+__all__ = ["TriplexRecord", "TriplexTuning"]
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,8 @@ P_N_EVAL, P_N_D, P_FLOOR, P_CLEAR_SHARE, P_CLEAR, P_LATCH, P_BASE, P_CHANGE_X, P
 P_WALK, P_GUST_X, P_GUST_Z, P_MARGIN, P_REF_DELAY, P_REF_MEAN, P_SPREAD, P_TH_A, P_TH_V = range(
     9, 18
 )
-P_SIZE = 18
+P_MARGIN_ONE = 18
+P_SIZE = 19
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ class TriplexTuning:
     wind_walk_m_s_sqrt_s: float = 0.1
     gust_std_m_s: tuple[float, float] = (3.5, 2.0)
     margin: float = 3.0
+    margin_one: float = 1.0
     reference_delay_s: float = 0.5
     reference_mean_s: float = 1.0
     spread_share: float = 0.2
@@ -68,9 +70,39 @@ class TriplexTuning:
         out[P_CHANGE_X], out[P_CHANGE_Z] = self.wind_change_m_s
         out[P_WALK] = self.wind_walk_m_s_sqrt_s * math.sqrt(t_s)
         out[P_GUST_X], out[P_GUST_Z] = self.gust_std_m_s
-        out[P_MARGIN] = self.margin
+        out[P_MARGIN], out[P_MARGIN_ONE] = self.margin, self.margin_one
         out[P_REF_DELAY] = round(self.reference_delay_s / t_s)
         out[P_REF_MEAN] = round(self.reference_mean_s / t_s)
         out[P_SPREAD] = self.spread_share
         out[P_TH_A], out[P_TH_V] = self.alpha_threshold_rad, self.cas_threshold_m_s
         return out
+
+
+@dataclass
+class TriplexRecord:
+    """What :class:`estimators.triplex.Triplex` says of each sample.
+
+    Attributes
+    ----------
+    x : (T, 4) float64
+        [alpha, V_g, W_x, W_z] [rad, m/s].
+    J : (T, 2, 3) float64 [rad, m/s]
+        Residual rms; channel 0 the vanes, 1 the pitots.
+    faulty : (T, 2, 3) bool
+    configuration : (T,) int
+        Index into :data:`estimators.triplex.CONFIGURATIONS`.
+    alpha, cas, alpha_std, cas_std : (T,) float64 [rad, m/s]
+        Reconstructed values; while a channel is lost the deviation carries the held wind's.
+    status : (T,) int
+        Of the solver, :mod:`estimators.mhe`.
+    """
+
+    x: Array
+    J: Array
+    faulty: NDArray[np.bool_]
+    configuration: NDArray[np.int64]
+    alpha: Array
+    cas: Array
+    alpha_std: Array
+    cas_std: Array
+    status: NDArray[np.int64]

@@ -20,7 +20,12 @@ from numpy.typing import NDArray
 from estimators.air_data_2d import linearise
 from estimators.jit import kernel
 
-__all__ = ["against_remembered_wind", "roll_back"]
+__all__ = ["against_remembered_wind", "extrapolated", "roll_back", "trend"]
+
+TREND_S = 3.0
+"""Base of the wind's trend, s: longer than the gusts of light turbulence, shorter than a shear."""
+TREND_TAU_S = 5.0
+"""Time constant with which a trend is expected to die out, s."""
 
 Array = NDArray[np.float64]
 
@@ -78,3 +83,29 @@ def roll_back(
         at = min(at + 2 * lag, filled - 1)
     before: float = ring[(newest - at) % size]
     return before
+
+
+@kernel
+def trend(
+    ring: Array, newest: int, filled: int, t_s: float, variance: float
+) -> tuple[float, float]:
+    """Rate of the wind over the last three seconds, and the rates' updated variance.
+
+    In turbulence the wind's rate says nothing of what comes: the rate is shrunk by the share that
+    stands out of the rates of the last half minute, ``variance``.
+    """
+    size = ring.size
+    back = min(round(TREND_S / t_s), filled - 1)
+    if back < 1:
+        return 0.0, variance
+    rate = (ring[newest % size] - ring[(newest - back) % size]) / (back * t_s)
+    square = rate * rate
+    shrunk = rate * square / (square + variance + 1e-9)
+    gain = t_s / 30.0
+    return shrunk, variance + gain * (square - variance)
+
+
+@kernel
+def extrapolated(W: float, rate: float, since_s: float) -> float:
+    """The remembered wind carried on by its dying trend for ``since_s``."""
+    return W + rate * TREND_TAU_S * (1.0 - math.exp(-since_s / TREND_TAU_S))
