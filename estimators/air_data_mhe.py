@@ -45,6 +45,7 @@ __all__ = [
     "AirDataTuning",
     "horizon_size",
     "mhe_advance",
+    "mhe_run",
     "mhe_solve",
     "mhe_step",
     "window_size",
@@ -160,12 +161,9 @@ def mhe_solve(
     x_prior, x, u, y, use, theta, air = window_views(window, N)
     n = 4
     o = 0
-    A = work[o : o + 16 * N].reshape(N, n, n)
-    o += 16 * N
-    B = work[o : o + 16 * N].reshape(N, n, n)
-    o += 16 * N
-    C = work[o : o + 16 * N].reshape(N, n, n)
-    o += 16 * N
+    matrices = work[: 48 * N].reshape(3, N, n, n)
+    A, B, C = matrices[0], matrices[1], matrices[2]
+    o += 48 * N
     v = work[o : o + 36 * N].reshape(9, N, n)
     o += 36 * N
     f, ry, ru, xl, xu, ul, uu, dx, du = v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8]
@@ -308,6 +306,28 @@ def mhe_step(
     return status
 
 
+@kernel
+def mhe_run(
+    model: int, t_s: float, tuning: Array, confine: Array, kappa: float, n_kappa: int, n_qp: int,
+    n_sqp: int, N: int, window: Array, samples: Array, warmer_k: float, work: Array, states: Array,
+) -> int:  # fmt: skip
+    """Take the rows of ``samples`` (T, 14) one by one; returns the worst status.
+
+    ``states`` (T, 4) receives the newest state after each sample.
+    """
+    worst = 0
+    for row in range(samples.shape[0]):
+        status = mhe_step(
+            model, t_s, tuning, confine, kappa, n_kappa, n_qp, n_sqp, N, window, samples[row],
+            warmer_k, work,
+        )  # fmt: skip
+        worst = max(worst, status)
+        newest = 4 + 4 * (N - 1)
+        for a in range(4):
+            states[row, a] = window[newest + a]
+    return worst
+
+
 class AirDataMHE:
     """The estimator as an object: feed it samples, read ``x``.
 
@@ -370,3 +390,17 @@ class AirDataMHE:
         )  # fmt: skip
         newest: Array = self.x[-1].copy()
         return newest
+
+    def run(self, samples: Array, warmer_k: float = 0.0) -> Array:
+        """Take (T, 14) samples, each y (4), use (4) and theta (6); the newest states, (T, 4).
+
+        The same as :meth:`step` for each row; ``status`` is then the worst of them.
+        """
+        t = self.tuning
+        states = np.empty((len(samples), NX))
+        self.status = mhe_run(
+            t.model, t.t_s, self.table, self.confine, 0.0 if t.converged else t.kappa,
+            t.n_kappa, t.n_qp, t.sqp_iterations, t.N, self.window,
+            np.ascontiguousarray(samples), warmer_k, self.work, states,
+        )  # fmt: skip
+        return states

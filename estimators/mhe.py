@@ -354,17 +354,11 @@ def barrier_qp(
     if not (start_inside(x, xl, xu) and start_inside(u, ul, uu)):
         return BOUNDS_CROSSED
     at = work.size - 8 * (N * n + N * p)
-    gx = work[at : at + N * n].reshape(N, n)
-    at += N * n
-    Dx = work[at : at + N * n].reshape(N, n)
-    at += N * n
-    dx = work[at : at + N * n].reshape(N, n)
-    at += N * n
-    gu = work[at : at + N * p].reshape(N, p)
-    at += N * p
-    Du = work[at : at + N * p].reshape(N, p)
-    at += N * p
-    du = work[at : at + N * p].reshape(N, p)
+    on_x = work[at : at + 3 * N * n].reshape(3, N, n)
+    at += 3 * N * n
+    on_u = work[at : at + 3 * N * p].reshape(3, N, p)
+    gx, Dx, dx = on_x[0], on_x[1], on_x[2]
+    gu, Du, du = on_u[0], on_u[1], on_u[2]
     for j in range(n_kappa * n_qp):
         _barrier(x, xl, xu, kappa, gx, Dx)
         _barrier(u, ul, uu, kappa, gu, Du)

@@ -122,6 +122,19 @@ def test_unused_measurements_have_no_influence():
     np.testing.assert_array_equal(one, estimator.step(y, use, THETA))
 
 
+def test_a_run_over_rows_equals_its_steps():
+    rng = np.random.default_rng(4)
+    y = twin.outputs(0, np.array([0.06, 110.0, 0.0, 0.0]), THETA)
+    samples = np.tile(np.concatenate([y, np.ones(4), THETA]), (30, 1))
+    samples[:, :4] += 0.05 * rng.normal(size=(30, 4))
+    whole, _ = _level(AirDataTuning(), 2.0)
+    single, _ = _level(AirDataTuning(), 2.0)
+    states = whole.run(samples)
+    steps = [single.step(s[:4], s[4:8], s[8:]) for s in samples]
+    np.testing.assert_array_equal(states, steps)
+    assert whole.status == SOLVED
+
+
 def test_a_non_finite_sample_leaves_the_prediction():
     estimator, _ = _level(AirDataTuning(), 2.0)
     before = estimator.x[-1].copy()
