@@ -66,6 +66,7 @@ from estimators.air_data_3d_state import (
     AirParams,
     AirState,
 )
+from estimators.air_swings import swinging
 from estimators.atmosphere import (
     altitude_from_pressure,
     cas_from_tas,
@@ -169,12 +170,13 @@ def sound_pitots(air: AirState, known: int) -> int:
 
 @kernel
 def _quiet(air: AirState, par: AirParams, known: int, t: float) -> int:
-    """Bit mask of pitots that are neither constant nor scatter."""
+    """Bit mask of pitots that are neither constant nor scatter nor swing."""
     mask = 0
     for i in range(N_PITOTS):
         constant = t - air.check[i, SAME_SINCE] > par.checks.constant_s
         others = sound_pitots(air, known) & ~(1 << i)
-        if not (constant or noisy(air.check, par.checks, i, others, QUIET_SHARE)):
+        scatters = noisy(air.check, par.checks, i, others, QUIET_SHARE)
+        if not (constant or scatters or swinging(air.swing, i, others, t)):
             mask |= 1 << i
     return mask
 

@@ -17,6 +17,7 @@ from estimators.air_data_3d_bank import Bank, new_bank
 from estimators.air_data_3d_judge import Judge, JudgeLimits, new_judge
 from estimators.air_data_3d_noise import NoiseLevels, new_noise
 from estimators.air_data_3d_rows import QUEUE, Rings, new_rings
+from estimators.air_swings import new_swings
 from estimators.atmosphere import P0_PA
 
 __all__ = ["AirParams", "AirState", "FilterLevels", "new_state"]
@@ -92,6 +93,7 @@ class AirState(NamedTuple):
         GPS epochs that wait.
     noise : (30,) float64
     check : (3, 15) float64
+    swing : (3, 12) float64
     """
 
     memory: Array
@@ -99,6 +101,7 @@ class AirState(NamedTuple):
     rings: Rings
     noise: Array
     check: Array
+    swing: Array
     bank: Bank
     judge: Judge
 
@@ -115,6 +118,7 @@ def new_state(params: AirParams) -> AirState:
         rings=new_rings(),
         noise=new_noise(params.noise),
         check=np.stack([new_check() for _ in range(N_PITOTS)]),
+        swing=new_swings(),
         bank=new_bank(),
         judge=new_judge(),
     )

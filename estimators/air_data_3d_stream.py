@@ -31,6 +31,7 @@ from estimators.air_checks import (
     CHECK_GROSS,
     CHECK_NOISE,
     CHECK_NONE,
+    CHECK_OSCILLATION,
     DEAD_SINCE,
     GROSS_SINCE,
     NOISE_SINCE,
@@ -87,6 +88,7 @@ from estimators.air_data_3d_state import (
     FilterLevels,
     new_state,
 )
+from estimators.air_swings import follow_swing, ragged, swings
 from estimators.atmosphere import (
     eas_from_cas,
     sigma_rho_from_pressure,
@@ -145,6 +147,8 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
         check, par.checks, t, c, eas, p, p_std, speed, sigma, flying, s[S_LEARNT] == LEARNT
     )
     pair_noise(air.check, par.checks, i, dt)
+    rho = math.log(max(eas, 0.1) / p) if p > 1.0 else np.nan
+    follow_swing(air.swing, par.checks, i, t, rho)
     known = known_pitots(air)
     others = sound_pitots(air, known) & ~(1 << i)
     if s[S_STATUS] == FAULTY or not flying:
@@ -168,6 +172,11 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
         failed = CHECK_NOISE
         onset, limit = check[NOISE_SINCE], par.checks.noise_rms
         stat = pair_noise_rms(air.check, i, others)
+    elif trusted:
+        rms, at_least, since = swings(air.swing, par.checks, i, others, t)
+        if rms > 0.0:
+            failed = CHECK_NOISE if ragged(air.swing, air.check, i, others) else CHECK_OSCILLATION
+            onset, stat, limit = since, rms, at_least
     if failed != CHECK_NONE:
         accuse_by_check(judge, par.limits, air.bank, log, t, i, failed, onset, stat, limit)
 

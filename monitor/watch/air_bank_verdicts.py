@@ -15,6 +15,7 @@ from estimators.air_checks import (
     CHECK_GROSS,
     CHECK_NOISE,
     CHECK_NONE,
+    CHECK_OSCILLATION,
 )
 from links.vocabulary import Kind, Reason, State
 from monitor.verdict import Verdict
@@ -97,6 +98,8 @@ def _kind(row: NDArray[np.float64], check: float, shown: float, expected: float)
         return Kind.STUCK
     if check == CHECK_NOISE:
         return Kind.NOISE
+    if check == CHECK_OSCILLATION:
+        return Kind.OSCILLATION
     if check == CHECK_DEAD or shown < DEAD_SHARE * expected:
         return Kind.DROPOUT
     return Kind.DRIFT if row[judge.G_DRIFT] else Kind.SCALE
@@ -113,6 +116,9 @@ def _evidence(
     elif check == CHECK_NOISE:
         scatter = 100.0 * row[judge.G_STAT]
         said = f"{sensor} has scattered by {scatter:.0f} % against the others {lasting}"
+    elif check == CHECK_OSCILLATION:
+        swing = 100.0 * math.sqrt(2.0) * row[judge.G_STAT]
+        said = f"{sensor} has swung by {swing:.0f} % up and down against the others {lasting}"
     elif check == CHECK_GROSS or math.isfinite(expected):
         percent = 100.0 * (shown / expected - 1.0)
         word = "below" if percent < 0.0 else "above"

@@ -162,6 +162,24 @@ def test_noise_of_one_of_two(watch: AirBankWatch) -> None:
     assert said(verdicts, "airspeed0")[-1][0] == "ok"
 
 
+def test_a_slow_oscillation_of_one_of_two(watch: AirBankWatch) -> None:
+    flight = circuits(200.0)
+    bad = during(flight, "airspeed0", 120.0, 150.0)
+    t = flight["airspeed0"]["t_us"][bad] * 1e-6 - 120.0
+    flight["airspeed0"]["cas_m_s"][bad] *= 1.0 + 0.12 * np.sin(2.0 * np.pi * 0.7 * t)
+    verdicts = judged(flight, watch)
+    found = faulty(verdicts)
+    assert set(found) == {"airspeed0"}
+    v = found["airspeed0"]
+    assert v.kind is Kind.OSCILLATION
+    assert v.t_us < 124e6
+    assert v.onset_t_us is not None
+    assert abs(v.onset_t_us * 1e-6 - 120.0) < 1.0
+    assert "airspeed0 has swung by" in v.evidence
+    assert [s for s, _ in said(verdicts, "airspeed0")][-2:] == ["faulty", "ok"]
+    assert said(verdicts, "airspeed0")[-1][1] > 155.0
+
+
 @pytest.mark.parametrize("present", [True, False])
 def test_a_pitot_that_never_leaves_zero(watch: AirBankWatch, present: bool) -> None:
     flight = circuits(60.0)
