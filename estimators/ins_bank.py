@@ -60,6 +60,7 @@ from estimators.ins_bank_state import (
     Tuning,
     make_bank,
 )
+from estimators.ins_bank_turns import forget_turns, note_turn, usual_error
 from estimators.ins_bank_windows import accept, drive, mark, observe_fault, roll, roll_windows
 from estimators.jit import kernel
 
@@ -88,6 +89,7 @@ __all__ = [
     "observe_fault",
     "roll",
     "run",
+    "usual_error",
 ]
 
 Array = NDArray[np.float64]
@@ -142,6 +144,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
             b.aligned_s[2 * imu + mode] = np.nan
         b.pend_read[imu] = pushed
         b.edge_at[imu] = -1
+        forget_turns(b.turns[imu])
         b.clock[C_CHANGED] = 1.0
     elif t > t0:
         dt = t - t0
@@ -168,6 +171,9 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
                 u_m = last + (t_m - t0) / dt * (u - last)
                 _step_filters(b, p, imu, u_at, u_m, t_m - at)
                 at, u_at = t_m, u_m
+            if b.pend[slot, 1] == ATTITUDE:
+                theta = b.integral[imu, 3:] - 0.5 * (t - at) * (u_at[3:] + u[3:])
+                note_turn(b.turns[imu], at, b.pend[slot, 2:6].copy(), theta)
             measure(b, p, imu, at, int(b.pend[slot, 1]), b.pend[slot, 2:])
             b.pend_read[imu] += 1
         if t > at:

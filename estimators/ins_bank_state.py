@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from estimators.imu_difference import EDGES, PAIR_ROWS
 from estimators.ins_bank_model import N_ACC, N
+from estimators.ins_bank_turns import TURNS
 
 __all__ = ["EVENT_WIDTH", "MAX_IMUS", "PENDING", "Bank", "Tuning", "make_bank"]
 
@@ -93,6 +94,7 @@ class Bank(NamedTuple):
     edge_at: Ints  # (I, EDGES) which edge each slot holds, -1 none
     integral: Array  # (I, 6) running integral of each IMU
     pair: Array  # (I, I, PAIR_ROWS, 6) difference tests, see imu_difference
+    turns: Array  # (I, TURNS, 11) attitude increments against the gyro, see ins_bank_turns
     noise: Array  # (I, 8, 6) noise and stuck tests, see imu_difference
     clock: Array  # (13,) see C_* below
 
@@ -139,6 +141,7 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         edge_at=np.full((n_imus, EDGES), -1, dtype=np.int64),
         integral=np.zeros((n_imus, 6)),
         pair=np.zeros((n_imus, n_imus, PAIR_ROWS, 6)),
+        turns=np.full((n_imus, TURNS, 11), nan),
         noise=np.zeros((n_imus, 8, 6)),
         clock=np.array([0.0, -1.0, nan, 9.80665, 0.0, 0.0, nan, -1e9, 0.0, -1e9, 0.0, 0.2, 0.0]),
     )

@@ -1,4 +1,8 @@
-"""A lone IMU, tested by its own filters against satellite velocity and static pressure."""
+"""A lone IMU, tested by its own filters against satellite velocity and static pressure.
+
+The vehicle's attitude is a third reference: fully where it is independent of the IMU, otherwise
+only for the gyro and only in agreement with satellite velocity (:meth:`LoneTest._usable`).
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators import ins_bank as bank
 from estimators.detection import LatchState
-from estimators.imu_evidence import single_axis
+from estimators.imu_evidence import log_likelihood, single_axis
 from estimators.ins_bank_model import ATT, F_ACC, INS
 from links.vocabulary import Kind
 from monitor.verdict import Verdict
@@ -30,6 +35,8 @@ SECOND_FAULT = 1.5
 """A lone IMU with a called fault is a poorer model: a second one must be this much clearer."""
 SAME_FAULT = 0.75
 """That a called fault changes, or ends, needs less than that it exists."""
+LASTING = 0.5
+"""A gyro disagrees with the attitude by at least this share of its fault in most intervals."""
 RELEASE = 0.9
 """Estimate plus one sigma below this share of the physical size is agreement."""
 
@@ -82,9 +89,9 @@ class LoneTest:
         if any(called):
             limit *= np.where(called, SAME_FAULT, SECOND_FAULT)
         mode, found = INS, self._loudest(2 * imu + INS, limit)
-        if r.settings.attitude_independent:
+        if r.settings.attitude_independent or found is None:
             sharper = self._loudest(2 * imu + ATT, limit)
-            if sharper is not None:
+            if sharper is not None and self._usable(imu, sharper):
                 mode, found = ATT, sharper
         if found is None:
             unit.loud_s = math.nan
@@ -104,6 +111,31 @@ class LoneTest:
         elif axis.latch.step(r.t_us, True, False) is LatchState.FAULTY:
             return [self._call(imu, mode, found, found.rival if close else None)]
         return []
+
+    def _usable(self, imu: int, found: Found) -> bool:
+        """Whether what the vehicle's attitude says of this IMU counts.
+
+        An attitude computed from this very gyro cannot turn otherwise than the gyro says, except
+        where the autopilot corrects it: towards its accelerometer, to a new heading, after a gyro
+        fault that it had learnt; and where it jumps it has not turned. So an attitude that is not
+        known to be independent is heard on the gyro alone, if the disagreement lasts from sample
+        to sample, and if satellite velocity on its own takes its side by the odds that settle any
+        other dispute between two sensors.
+        """
+        r = self._record
+        if r.settings.attitude_independent:
+            return True
+        c, w, k = 2 * imu + INS, found.window, found.axis
+        if k < 3 or math.isnan(r.bank.aligned_s[c]):
+            return False
+        f = np.zeros(6)
+        f[k] = found.fault
+        b = r.bank
+        error = bank.usual_error(b.turns[imu], float(b.start_s[c + ATT, w]))[k - 3]
+        if error / found.fault < LASTING:
+            return False
+        odds = log_likelihood(b.L[c, w], b.Y[c, w], f, float(b.start_nis[c, w]))
+        return odds > r.settings.arbitration_nats
 
     def _loudest(self, c: int, limit: Array) -> Found | None:
         """The loudest single-axis fault of a filter, over all windows: all possible onsets."""

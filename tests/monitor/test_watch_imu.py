@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from estimators.attitude import quaternion_from_rotation_vector, quaternion_product
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
 from sim_feeds.scenario import load
 from tests.monitor.imu_flights import (
@@ -220,3 +221,40 @@ def test_a_row_at_a_time_gives_the_same_verdicts() -> None:
     edges = start_us(SHORT) + np.arange(0, 60_000_000, 25_000)
     early = {s: r[r["t_us"] < edges[-1]] for s, r in SHORT.items()}
     assert repr(pieces(early, edges.tolist()).verdicts) == repr(judge(early).verdicts)
+
+
+ATTITUDE_UNHEARD = 1e6
+"""Odds that satellite velocity never reaches: the attitude is no evidence then."""
+
+
+def test_an_attitude_that_contradicts_a_lone_gyro_is_heard_with_gps() -> None:
+    broken = [fault("imu0.gyro_z", -2.0, 60.0)]
+    rows = rows_of(scenario("small-uav", broken, imus=1, follows=None).fly())
+    [alone] = faults_of(judge(rows, arbitration_nats=ATTITUDE_UNHEARD))
+    [heard] = faults_of(judge(rows))
+    assert heard.sensor == alone.sensor == "imu0.gyro_z"
+    assert heard.t_us < alone.t_us
+    assert "attitude" in heard.evidence
+    assert "attitude" not in alone.evidence
+
+
+def test_an_oscillating_gyro_is_named_and_not_its_pair() -> None:
+    rows = rows_of(scenario("small-uav", imus=1, follows=None, wind=TURBULENCE).fly())
+    imu = rows["imu0"]
+    t = (imu["t_us"] - start_us(rows)) * 1e-6 - 60.0
+    swing = np.radians(2.0) * np.sin(2.0 * np.pi * t / 5.0)
+    imu["gyro_rad_s"][:, 1] += np.where((t > 0.0) & (t < 30.0), swing, 0.0)
+    assert {v.sensor for v in faults_of(judge(rows))} == {"imu0.gyro_y"}
+
+
+@pytest.mark.parametrize(("axis", "rate_deg_s"), [(0, -6.0), (1, 4.0), (2, 3.0)])
+def test_an_attitude_that_turns_by_itself_is_no_gyro_fault(axis, rate_deg_s) -> None:
+    """An autopilot that corrects its attitude turns it otherwise than the gyro says."""
+    rows = rows_of(scenario("small-uav", imus=1).fly())
+    t = (rows["attitude"]["t_us"] - start_us(rows)) * 1e-6 - 60.0
+    for row, angle in zip(
+        rows["attitude"], np.radians(rate_deg_s) * np.clip(t, 0.0, 8.0), strict=True
+    ):
+        turn = quaternion_from_rotation_vector(angle * np.eye(3)[axis])
+        row["q_ned_from_frd"] = quaternion_product(turn, row["q_ned_from_frd"].copy())
+    assert faults_of(judge(rows)) == []
