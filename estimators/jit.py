@@ -27,6 +27,7 @@ __all__ = ["cache_root", "inlined", "kernel"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_folders: set[Path] = set()
 _IMPORT = re.compile(r"^from (estimators(?:\.\w+)*) import|^import (estimators(?:\.\w+)*)", re.M)
 
 
@@ -59,6 +60,18 @@ def inlined(function: F) -> F:
 
 
 def _compiled(function: F, **options: Any) -> F:
+    folder = cache_root() / _digest(function.__module__)
+    _folders.add(folder)
     config: Any = numba.config
-    config.CACHE_DIR = str(cache_root() / _digest(function.__module__))
+    config.CACHE_DIR = str(folder)
     return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=False, **options)(function))
+
+
+def is_cold() -> bool:
+    """Whether most of the modules imported so far have no machine code in the cache yet.
+
+    Their first calls will then take a minute or two. (Most, because a module's kernels may be of no
+    use to this program and never be compiled.)
+    """
+    compiled = sum(any(folder.rglob("*.nbi")) for folder in _folders)
+    return 2 * compiled < len(_folders)

@@ -12,16 +12,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from estimators.jit import is_cold
 from links.samples import Batch, Rows, empty_rows
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 
-__all__ = ["made_up_flight", "warm_up"]
+__all__ = ["COMPILING", "made_up_flight", "warm_up"]
 
 DURATION_S = 90.0
 FAULTS_FROM_S = 60.0
-COMPILING_S = 3.0
-"""Steps beyond this time tell that kernels are being compiled, not loaded."""
+COMPILING = (
+    "mavsentry: compiling kernels, once on this machine, takes a minute or two; "
+    "`mavsentry warmup` does it ahead"
+)
 
 _RATES_HZ = {"imu": 25.0, "attitude": 10.0, "gps": 5.0, "nav": 5.0, "airspeed": 5.0, "baro": 5.0}
 _SENSORS = (
@@ -54,18 +57,13 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
     settings
         Which watches are built.
     say
-        Told once, in one sentence, when it takes so long that kernels must be being compiled.
+        Told in one sentence when kernels must be compiled first.
     """
     began_s = time.monotonic()
+    if is_cold():
+        say(COMPILING)
     pipeline = Pipeline(settings)
-    flight = made_up_flight(2.0 * settings.phase.flying_speed_m_s)
-    last = max(int(rows["seq"][-1]) for rows in flight.rows.values())
-    told = False
-    for batch in flight.split(range(0, last, max(last // 20, 1))):
-        pipeline.feed(batch)
-        if not told and time.monotonic() - began_s > COMPILING_S:
-            say("mavsentry: compiling kernels, once on this machine; `mavsentry warmup` does it")
-            told = True
+    pipeline.feed(made_up_flight(2.0 * settings.phase.flying_speed_m_s))
     pipeline.finish()
     return time.monotonic() - began_s
 

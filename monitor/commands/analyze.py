@@ -38,7 +38,12 @@ def analyze(
     ] = False,
 ) -> None:
     """Say what was faulty in recorded flights, since when, and why."""
+    from estimators.jit import is_cold
+    from monitor.warmup import COMPILING
+
     settings = load_settings(profile, config)
+    if is_cold():
+        note(COMPILING)
     found = unusable = False
     hint = ""
     for log in logs:
