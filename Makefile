@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
-.PHONY: install demo test test-external lint bench clean
+.PHONY: install demo test lint bench clean
 
 install: $(STAMP)
 
@@ -29,10 +29,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 
 test: $(STAMP) lint
-	$(BIN)/pytest -m 'not external'
-
-test-external: $(STAMP)
-	$(BIN)/pytest -m external
+	$(BIN)/pytest
 
 bench: $(BENCH_STAMP)
 	$(BIN)/mavsentry bench --json bench.json

@@ -1,4 +1,4 @@
-"""Where the shared oracle files and recorded flights are; tests that need them skip without them."""
+"""Where the shared oracle files and recorded flights are; tests skip where they are absent."""
 
 import os
 from pathlib import Path
