@@ -43,7 +43,7 @@ def faults(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
 
 
 def monitored(verdicts: Iterable[Verdict], first_us: int, last_us: int) -> list[dict[str, Any]]:
-    """Per watched sensor: seconds under judgement, and the spans in which it could not be judged."""
+    """Per watched sensor: seconds judged, and the spans in which it could not be judged."""
     by_sensor: dict[str, list[Verdict]] = {}
     for v in verdicts:
         by_sensor.setdefault(v.sensor, []).append(v)
