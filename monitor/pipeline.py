@@ -17,7 +17,7 @@ from links.vocabulary import Reason, Rejection, State
 from monitor.ordering import Ordering
 from monitor.phase import PhaseTracker
 from monitor.settings import Settings
-from monitor.streams import Stream, Streams
+from monitor.streams import Change, Stream, Streams
 from monitor.verdict import StepResult, Verdict, Watch
 from monitor.watch import build_watches
 
@@ -104,11 +104,11 @@ class Pipeline:
         return StepResult(self._compose(raised, changes), estimates)
 
     def _compose(
-        self, raised: list[Verdict], changes: list[tuple[int, str, bool]]
+        self, raised: list[Verdict], changes: list[tuple[int, str, Change]]
     ) -> list[Verdict]:
         """Merge what the watches raised with what stopped or came back, in time order."""
-        events: list[tuple[int, int, Verdict | tuple[str, bool]]] = [
-            (t_us, 0, (sensor, fresh)) for t_us, sensor, fresh in changes
+        events: list[tuple[int, int, Verdict | tuple[str, Change]]] = [
+            (t_us, 0, (sensor, change)) for t_us, sensor, change in changes
         ]
         events += [(v.t_us, 1, v) for v in raised]
         events.sort(key=lambda e: e[:2])
@@ -126,10 +126,13 @@ class Pipeline:
                     self._states[verdict.sensor] = verdict
         return out
 
-    def _freshness(self, t_us: int, stream: str, fresh: bool) -> list[Verdict]:
-        """Verdicts on the sensors of a stream that stopped or came back."""
+    def _freshness(self, t_us: int, stream: str, change: Change) -> list[Verdict]:
+        """Verdicts on the sensors of a stream that stopped, came back or never says anything."""
         quantity = quantity_of(stream)
-        if not fresh:
+        if change is Change.BLANK:
+            said = f"{stream} shows nothing: it is not fitted"
+            return [Verdict(t_us, stream, State.ABSENT, evidence=said)]
+        if change is Change.STOPPED:
             sensors = [s for s in self._states if s.partition(".")[0] == stream]
             return [
                 Verdict(t_us, s, State.STALE, evidence=f"{stream} sends no data any more")

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from links.samples import Rows, quantity_of
 from monitor.settings.streams import StreamSettings
 
-__all__ = ["Stream", "Streams"]
+__all__ = ["Change", "Stream", "Streams"]
+
+
+class Change(Enum):
+    """What happens to a stream."""
+
+    FRESH = "fresh"
+    STOPPED = "stopped"
+    BLANK = "blank"
 
 
 @dataclass(slots=True)
@@ -23,6 +33,7 @@ class Stream:
     last_us: int = 0
     gaps: int = 0
     stale: bool = False
+    blank: bool = False
 
     @property
     def rate_hz(self) -> float:
@@ -36,7 +47,8 @@ class Streams:
 
     A stream is stale from ``timeout`` after its last row until its next row: vehicle time alone
     decides, so live and log agree. A gap is an interval longer than the time-out, or than one
-    second for a stream that has none.
+    second for a stream that has none. A stream is blank until its first row that says something: an
+    autopilot sends all-zero rows for an IMU, and -1 for an engine, that is not fitted.
     """
 
     def __init__(self, settings: StreamSettings) -> None:
@@ -50,23 +62,23 @@ class Streams:
         }
         self.streams: dict[str, Stream] = {}
 
-    def step(self, rows: Mapping[str, Rows], until_us: int) -> list[tuple[int, str, bool]]:
-        """Use released rows; return changes (t_us, sensor, fresh) in time order.
+    def step(self, rows: Mapping[str, Rows], until_us: int) -> list[tuple[int, str, Change]]:
+        """Use released rows; return changes (t_us, sensor, change) in time order.
 
-        The first row of a stream is a change to fresh.
+        The first row of a stream is a change to fresh, or to blank.
         """
         changes = [c for sensor, r in rows.items() if len(r) for c in self._use(sensor, r)]
         for sensor, stream in self.streams.items():
-            if stream.timeout_us is None or stream.stale:
+            if stream.timeout_us is None or stream.stale or stream.blank:
                 continue
             stopped_us = stream.last_us + stream.timeout_us
             if stopped_us < until_us:
                 stream.stale = True
-                changes.append((stopped_us, sensor, False))
-        changes.sort()
+                changes.append((stopped_us, sensor, Change.STOPPED))
+        changes.sort(key=lambda c: c[:2])
         return changes
 
-    def _use(self, sensor: str, rows: Rows) -> Iterator[tuple[int, str, bool]]:
+    def _use(self, sensor: str, rows: Rows) -> Iterator[tuple[int, str, Change]]:
         t = rows["t_us"]
         stream = self.streams.get(sensor)
         if stream is None:
@@ -74,16 +86,36 @@ class Streams:
             timeout_us = None if timeout_s is None else round(timeout_s * 1e6)
             stream = Stream(timeout_us, first_us=int(t[0]), last_us=int(t[0]))
             self.streams[sensor] = stream
-            yield int(t[0]), sensor, True
+            stream.blank = bool(_blank(sensor, rows[:1])[0])
+            yield int(t[0]), sensor, Change.BLANK if stream.blank else Change.FRESH
+        judged = 0  # first row whose interval to the one before counts
+        if stream.blank:
+            told = np.flatnonzero(~_blank(sensor, rows))
+            judged = int(told[0]) + 1 if len(told) else len(t)
+            if len(told):
+                stream.blank = False
+                yield int(t[told[0]]), sensor, Change.FRESH
         limit_us = stream.timeout_us or 1_000_000
         steps = np.diff(t, prepend=stream.last_us)
         for i in np.flatnonzero(steps > limit_us):
             stream.gaps += 1
-            if stream.timeout_us is not None:
+            if stream.timeout_us is not None and i >= judged:
                 before_us = int(t[i] - steps[i])
                 if not (i == 0 and stream.stale):
-                    yield before_us + stream.timeout_us, sensor, False
-                yield int(t[i]), sensor, True
+                    yield before_us + stream.timeout_us, sensor, Change.STOPPED
+                yield int(t[i]), sensor, Change.FRESH
         stream.stale = False
         stream.samples += len(t)
         stream.last_us = int(t[-1])
+
+
+def _blank(sensor: str, rows: Rows) -> NDArray[np.bool_]:
+    """Which rows say nothing, shape (n,)."""
+    match quantity_of(sensor):
+        case "imu":
+            still = (rows["acc_m_s2"] == 0).all(axis=1)
+            return np.asarray(still & (rows["gyro_rad_s"] == 0).all(axis=1))
+        case "spool":
+            return np.asarray(rows["speed_rpm"] < 0)
+        case _:
+            return np.zeros(len(rows), np.bool_)

@@ -39,6 +39,7 @@ class EveryTenthRow:
 def imu(times_s: np.ndarray, first_seq: int = 0) -> Batch:
     rows = empty_rows("imu0", len(times_s))
     rows["t_us"] = times_s * 1e6
+    rows["acc_m_s2"][:, 2] = -9.8
     rows["seq"] = first_seq + np.arange(len(times_s))
     return Batch({"imu0": rows})
 
