@@ -14,7 +14,8 @@ G_T, G_SENSOR      when [s], which pitot
 G_STATUS, G_REASON codes of this module
 G_CHECK            which check decided (codes of :mod:`estimators.air_checks`)
 G_ONSET            estimated start of the fault [s]
-G_SHOWN, G_EXPECT  equivalent airspeed shown, and what it would be without the fault [m/s]
+G_SHOWN, G_EXPECT  equivalent airspeed shown, and what it would be without the fault (NaN before
+                   the pitot was ever learnt) [m/s]
 G_STAT, G_LIMIT    test statistic and its threshold
 G_DRIFT            1: the error grew slowly, 0: it came at once
 G_AGREE            bit mask of other pitots that agree with the filters
@@ -187,7 +188,8 @@ def set_status(
     g = log[row]
     g[G_T], g[G_SENSOR], g[G_STATUS], g[G_REASON] = t, i, status, reason
     g[G_CHECK], g[G_ONSET] = check, onset
-    g[G_SHOWN], g[G_EXPECT] = s[S_SHOWN], s[S_EXPECT]
+    g[G_SHOWN] = s[S_SHOWN]
+    g[G_EXPECT] = s[S_EXPECT] if s[S_LEARNT] > NEVER_LEARNT else np.nan
     g[G_STAT], g[G_LIMIT] = stat, limit
     g[G_DRIFT] = 0.0
     g[G_AGREE] = 0.0

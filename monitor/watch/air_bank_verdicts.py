@@ -12,7 +12,6 @@ from estimators.air_checks import (
     CHECK_BANK,
     CHECK_CONSTANT,
     CHECK_DEAD,
-    CHECK_GROSS,
     CHECK_NOISE,
     CHECK_NONE,
     CHECK_OSCILLATION,
@@ -119,7 +118,7 @@ def _evidence(
     elif check == CHECK_OSCILLATION:
         swing = 100.0 * math.sqrt(2.0) * row[judge.G_STAT]
         said = f"{sensor} has swung by {swing:.0f} % up and down against the others {lasting}"
-    elif check == CHECK_GROSS or math.isfinite(expected):
+    elif math.isfinite(expected):
         percent = 100.0 * (shown / expected - 1.0)
         word = "below" if percent < 0.0 else "above"
         said = f"{sensor} has read {abs(percent):.0f} % {word} what GPS and wind say {lasting}"
