@@ -1,0 +1,67 @@
+"""The whole pipeline, compiled and as plain numpy, says the same.
+
+Every kernel of the watches runs without numba (``NUMBA_DISABLE_JIT``), in a process of its own:
+what the compiler did to the stream loops, votes and judges cannot have changed a verdict.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from links.mavlink import Decoder
+from links.samples import Batch
+from monitor.analyze import Recording
+from monitor.pipeline import Pipeline
+from monitor.settings import load
+from sim_feeds import player, scenario
+
+FLIGHTS = [("demo", "transport", 125.0), ("small-uav-pitot-blockage", "small-uav", 175.0)]
+
+
+def judge(name: str, profile: str, until_s: float) -> Recording:
+    """What the pipeline says of the beginning of a bundled scenario."""
+    decoder = Decoder()
+    frames = player.frames_of(scenario.load(name).fly())
+    batch = Batch.concatenate([decoder.feed(b"".join(f for _, f in frames)), decoder.finish()])
+    begun = Batch({s: r[r["t_us"] < until_s * 1e6] for s, r in batch.rows.items()})
+    pipeline, recording = Pipeline(load(profile)), Recording()
+    recording.add(pipeline.feed(begun))
+    recording.add(pipeline.finish())
+    return recording
+
+
+def changes(recording: Recording) -> list[tuple[int, str, str, str]]:
+    return [(v.t_us, v.sensor, str(v.state), str(v.kind)) for v in recording.verdicts]
+
+
+@pytest.mark.parametrize(("name", "profile", "until_s"), FLIGHTS)
+def test_compiled_and_interpreted_pipelines_agree(
+    name: str, profile: str, until_s: float, tmp_path: Path
+) -> None:
+    file = tmp_path / "interpreted.npz"
+    subprocess.run(
+        [sys.executable, __file__, name, profile, str(until_s), str(file)],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        cwd=Path(__file__).parents[2],
+        check=True,
+        timeout=300,
+    )
+    compiled, interpreted = judge(name, profile, until_s), np.load(file)
+    said = changes(compiled)
+    assert any(state == "faulty" for _, _, state, _ in said)
+    assert [tuple(row) for row in interpreted["changes"]] == [tuple(map(str, c)) for c in said]
+    for estimate, rows in compiled.estimates.items():
+        for field in rows.dtype.names or ():
+            np.testing.assert_allclose(
+                interpreted[estimate][field], rows[field], rtol=1e-6, atol=1e-9, err_msg=field
+            )
+
+
+if __name__ == "__main__":
+    scenario_name, profile_name, until, out = sys.argv[1:]
+    result = judge(scenario_name, profile_name, float(until))
+    np.savez(out, changes=np.array(changes(result)), **result.estimates)
