@@ -226,15 +226,20 @@ def test_ctrl_c_ends_with_130(flight_log, tmp_path, arguments):
     extra = ("--to", "udpout:127.0.0.1:9", "--speed", "1") if arguments == ("replay",) else ()
     many = [str(flight_log)] * (1 if extra else 200)
     out = () if extra else ("--out", str(tmp_path))
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [*COMMAND, *arguments, *many, *extra, *out],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-    )
-    time.sleep(3.0)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=20)
+        # A shell's background job ignores SIGINT and would hand that down.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
+        try:
+            _, err = process.communicate(timeout=20)
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert "Traceback" not in err
 
