@@ -190,11 +190,11 @@ def pair_noise(states: Array, limits: CheckLimits, i: int, dt: float) -> None:
 
 
 @kernel
-def noisy(states: Array, limits: CheckLimits, i: int, others: int, share: float) -> bool:
+def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
     """Whether pitot i scatters against every one of the others, and more than they do.
 
-    Its difference from the others must scatter by ``share`` of the limits, and most of that scatter
-    must show in its own readings.
+    Its difference from the others must scatter by ``rms`` and by ``ratio`` times what the quietest
+    of them does, and most of that scatter must show in its own readings.
 
     Parameters
     ----------
@@ -209,14 +209,15 @@ def noisy(states: Array, limits: CheckLimits, i: int, others: int, share: float)
             quietest = min(quietest, states[j, VAR])
     if pair == np.inf:
         return False
-    limit = share * max(limits.noise_rms, limits.noise_ratio * math.sqrt(quietest / 6.0))
+    limit = max(rms, ratio * math.sqrt(quietest / 6.0))
     return bool(pair > 6.0 * limit * limit and states[i, VAR] - quietest > 0.5 * pair)
 
 
 @kernel
 def noise_check(states: Array, limits: CheckLimits, i: int, others: int, t: float) -> bool:
     """Whether pitot i has been :func:`noisy` for long enough."""
-    held_s = _held(states[i], NOISE_SINCE, noisy(states, limits, i, others, 1.0), t)
+    scatters = noisy(states, i, others, limits.noise_rms, limits.noise_ratio)
+    held_s = _held(states[i], NOISE_SINCE, scatters, t)
     return held_s > limits.noise_s
 
 

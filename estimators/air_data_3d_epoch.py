@@ -26,6 +26,7 @@ from estimators.air_data_3d_bank import (
     clear,
     spawn,
 )
+from estimators.air_data_3d_evidence import note_evidence
 from estimators.air_data_3d_judge import (
     FAULTY,
     LEARNT,
@@ -66,6 +67,9 @@ from estimators.air_data_3d_state import (
     AirParams,
     AirState,
 )
+from estimators.air_peaks import APART as APART_PEAK
+from estimators.air_peaks import NOISE as NOISE_PEAK
+from estimators.air_peaks import note
 from estimators.air_swings import swinging
 from estimators.atmosphere import (
     altitude_from_pressure,
@@ -175,7 +179,8 @@ def _quiet(air: AirState, par: AirParams, known: int, t: float) -> int:
     for i in range(N_PITOTS):
         constant = t - air.check[i, SAME_SINCE] > par.checks.constant_s
         others = sound_pitots(air, known) & ~(1 << i)
-        scatters = noisy(air.check, par.checks, i, others, QUIET_SHARE)
+        rms, ratio = QUIET_SHARE * par.checks.noise_rms, QUIET_SHARE * par.checks.noise_ratio
+        scatters = noisy(air.check, i, others, rms, ratio)
         if not (constant or scatters or swinging(air.swing, i, others, t)):
             mask |= 1 << i
     return mask
@@ -189,6 +194,8 @@ def _trusted(air: AirState, par: AirParams, t: float) -> bool:
     noise = air.noise[GPS_STD] / f.reference_noise_m_s
     worst = max(apart, noise)
     if memory[TRUSTED] > 0.5:
+        note(air.peaks, APART_PEAK, t, air.noise[APART], 0.0)
+        note(air.peaks, NOISE_PEAK, t, air.noise[GPS_STD], 0.0)
         if worst > 1.0:
             memory[TRUSTED], memory[TRUST_FROM] = 0.0, np.inf
     elif worst > 0.6:
@@ -328,7 +335,10 @@ def use_epoch(
         where,
     ):
         clear(bank)
-    elif learnt != 0 and t - memory[T_SPAWN] >= f.spawn_s:
-        spawn(bank, t, learnt, f.jump_scale, f.jump_wind_m_s, f.age_max_s)
-        memory[T_SPAWN] = t
+        return True
+    if learnt != 0:
+        note_evidence(air.peaks, t, par.limits, bank, top, where, learnt)
+        if t - memory[T_SPAWN] >= f.spawn_s:
+            spawn(bank, t, learnt, f.jump_scale, f.jump_wind_m_s, f.age_max_s)
+            memory[T_SPAWN] = t
     return True

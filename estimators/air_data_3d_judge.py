@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 from estimators.air_checks import CHECK_BANK, CHECK_NONE
 from estimators.air_data_3d import N_PITOTS, SCALE
 from estimators.air_data_3d_bank import (
-    N_HYPOTHESES,
     WIND_CHANGED,
     Bank,
     accept_wind,
@@ -42,10 +41,10 @@ from estimators.air_data_3d_bank import (
     before_onset,
     clear,
     evidence,
-    parsimony,
     survey,
     wind_evidence,
 )
+from estimators.air_data_3d_evidence import JudgeLimits, convicted, margin_of
 from estimators.jit import kernel
 
 __all__ = [
@@ -139,23 +138,6 @@ class Judge(NamedTuple):
 
     sensor: Array
     memory: Array
-
-
-class JudgeLimits(NamedTuple):
-    """Limits of the decisions; the settings of the same names say what each rests on."""
-
-    margin_one: float
-    margin_all: float
-    margin_wind: float
-    confirm_s: float
-    min_shift: float
-    wind_max_m_s: float
-    learnt_scale_std: float
-    lost_scale_std: float
-    readmit_shift: float
-    readmit_unlearnt: float
-    readmit_s: float
-    suspect_clear_s: float
 
 
 def new_judge() -> Judge:
@@ -272,7 +254,7 @@ def _accuse_by_bank(
     active: int,
 ) -> None:
     """Explanation h of generation g has won: its pitots are faulty and it is the master now."""
-    margin = _margin(limits, h, active)
+    margin = margin_of(limits, h, active)
     agree = _agreeing(judge, limits, h)
     age = t - bank.born[g]
     for i in range(N_PITOTS):
@@ -296,41 +278,6 @@ def _accuse_by_bank(
                 margin,
             )
     adopt(bank, g, h)
-
-
-@kernel
-def _margin(limits: JudgeLimits, mask: int, active: int) -> float:
-    """Evidence that a verdict on the pitots of ``mask`` takes."""
-    return limits.margin_all if mask == active else limits.margin_one
-
-
-@kernel
-def _convicted(
-    judge: Judge,
-    limits: JudgeLimits,
-    bank: Bank,
-    top: Array,
-    where: NDArray[np.int64],
-    active: int,
-) -> int:
-    """Smallest set of pitots whose evidence and shifts suffice for a verdict; 0 when none does."""
-    for size in range(1, N_PITOTS + 1):
-        for h in range(1, N_HYPOTHESES):
-            g = where[h]
-            bits = (h & 1) + ((h >> 1) & 1) + ((h >> 2) & 1)
-            if bits != size or g < 0 or (h & active) != h:
-                continue
-            margin = _margin(limits, h, active)
-            if not evidence(top, h) > margin or parsimony(top, h) > 0.5 * limits.margin_one:
-                continue
-            shifted = True
-            for i in range(N_PITOTS):
-                shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
-                if (h >> i) & 1 and not abs(shift) > limits.min_shift:
-                    shifted = False
-            if shifted:
-                return h
-    return 0
 
 
 @kernel
@@ -445,7 +392,7 @@ def judge_epoch(
     memory = judge.memory
     changed = False
     survey(bank, limits.wind_max_m_s, top, where)
-    h = _convicted(judge, limits, bank, top, where, active)
+    h = convicted(limits, bank, top, where, active)
     if h == 0 or h != memory[J_HELD_MASK]:
         memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(h), t
     elif t - memory[J_HELD_SINCE] >= limits.confirm_s:
@@ -473,7 +420,7 @@ def judge_epoch(
             if s[S_STATUS] != SUSPECT:
                 set_status(judge, log, t, i, OK, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
             if not changed:
-                stat, half = evidence(top, 1 << i), 0.5 * _margin(limits, 1 << i, active)
+                stat, half = evidence(top, 1 << i), 0.5 * margin_of(limits, 1 << i, active)
                 _watch_suspicion(judge, limits, log, t, i, stat > half, stat)
         else:
             reason = LEARNING if s[S_LEARNT] == NEVER_LEARNT else WIND_NOT_OBSERVABLE

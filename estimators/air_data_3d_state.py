@@ -17,6 +17,7 @@ from estimators.air_data_3d_bank import Bank, new_bank
 from estimators.air_data_3d_judge import Judge, JudgeLimits, new_judge
 from estimators.air_data_3d_noise import NoiseLevels, new_noise
 from estimators.air_data_3d_rows import QUEUE, Rings, new_rings
+from estimators.air_peaks import new_peaks
 from estimators.air_swings import new_swings
 from estimators.atmosphere import P0_PA
 
@@ -94,6 +95,8 @@ class AirState(NamedTuple):
     noise : (30,) float64
     check : (3, 15) float64
     swing : (3, 12) float64
+    peaks : (14, 3) float64
+        How near to the limits the flight came, see :mod:`estimators.air_peaks`.
     """
 
     memory: Array
@@ -104,6 +107,7 @@ class AirState(NamedTuple):
     swing: Array
     bank: Bank
     judge: Judge
+    peaks: Array
 
 
 def new_state(params: AirParams) -> AirState:
@@ -121,4 +125,5 @@ def new_state(params: AirParams) -> AirState:
         swing=new_swings(),
         bank=new_bank(),
         judge=new_judge(),
+        peaks=new_peaks(),
     )

@@ -39,6 +39,7 @@ from estimators.air_checks import (
     T_LAST,
     check_sample,
     noise_check,
+    noisy,
     pair_noise,
     pair_noise_rms,
 )
@@ -88,6 +89,7 @@ from estimators.air_data_3d_state import (
     FilterLevels,
     new_state,
 )
+from estimators.air_peaks import DEAD_WIND, GROSS_LN, NOISE_RMS, note
 from estimators.air_swings import follow_swing, ragged, swings
 from estimators.atmosphere import (
     eas_from_cas,
@@ -130,6 +132,20 @@ _SCALE0 = SCALE.start
 
 
 @kernel
+def _note(
+    air: AirState, par: AirParams, t: float, i: int, error: float, std: float, others: int
+) -> None:
+    """Note how near a sample of pitot i came to the limits of the gross and the noise check."""
+    gross = abs(error) - 3.0 * std if not np.isnan(error) else np.nan
+    note(air.peaks, GROSS_LN + i, t, gross, par.checks.gross_s)
+    rms = np.nan
+    if others != 0:
+        scatters = noisy(air.check, i, others, 0.0, par.checks.noise_ratio)
+        rms = pair_noise_rms(air.check, i, others) if scatters else 0.0
+    note(air.peaks, NOISE_RMS + i, t, rms, par.checks.noise_s)
+
+
+@kernel
 def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log: Array) -> None:
     """Run the fast checks on a pitot's sample."""
     memory, judge = air.memory, air.judge
@@ -158,6 +174,9 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
             set_status(judge, log, t, i, ABSENT, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
         return
     s[S_SHOWN] = eas
+    _note(air, par, t, i, math.log(max(eas, 0.1) / p) if p > 1.0 else np.nan, p_std, others)
+    dead = np.nan if s[S_LEARNT] == LEARNT else speed - 1.2 * eas / sigma
+    note(air.peaks, DEAD_WIND + i, t, dead, par.checks.dead_s)
     onset, stat, limit = t, 0.0, 0.0
     if failed == CHECK_CONSTANT:
         onset, limit = check[SAME_SINCE], par.checks.constant_s

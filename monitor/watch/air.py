@@ -28,7 +28,7 @@ class AirWatch:
     name = "air"
 
     def __init__(self, air: AirSettings, triplex: TriplexSettings) -> None:
-        self._bank: Watch = AirBankWatch(air)
+        self._bank = AirBankWatch(air)
         self._triplex: Watch = AirTriplexWatch(triplex)
         self.quantities = self._bank.quantities | self._triplex.quantities
         self._method: Literal["auto", "bank", "triplex"] = air.method
@@ -58,6 +58,10 @@ class AirWatch:
             self._with_vanes(verdicts, rows),
             {} if self._chosen is None else self._after(chosen.estimates),
         )
+
+    def peaks(self) -> dict[str, float]:
+        """What the chosen estimator's test quantities reached, by settings key."""
+        return self._bank.peaks() if self._chosen is self._bank else {}
 
     def _with_vanes(self, verdicts: list[Verdict], rows: Mapping[str, Rows]) -> list[Verdict]:
         """The verdicts and, when the bank is chosen, why no vane has one of its own."""

@@ -26,6 +26,17 @@ from estimators.air_data_3d_stream import (
     new_state,
     run,
 )
+from estimators.air_peaks import (
+    APART,
+    DEAD_WIND,
+    GROSS_LN,
+    MARGIN_ALL,
+    MARGIN_ONE,
+    MIN_SHIFT,
+    NOISE,
+    NOISE_RMS,
+    PEAK,
+)
 from links.samples import Rows
 from monitor.settings.air import AirSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult
@@ -46,6 +57,19 @@ class _Events(NamedTuple):
     code: int
     instance: int
     value: NDArray[np.float64]
+
+
+_PEAKS = {
+    "air.margin_one": slice(MARGIN_ONE, MARGIN_ONE + 1),
+    "air.margin_all": slice(MARGIN_ALL, MARGIN_ALL + 1),
+    "air.min_shift": slice(MIN_SHIFT, MIN_SHIFT + 1),
+    "air.reference_apart_m_s": slice(APART, APART + 1),
+    "air.reference_noise_m_s": slice(NOISE, NOISE + 1),
+    "air.gross_ln": slice(GROSS_LN, GROSS_LN + N_PITOTS),
+    "air.noise_rms": slice(NOISE_RMS, NOISE_RMS + N_PITOTS),
+    "air.dead_wind_m_s": slice(DEAD_WIND, DEAD_WIND + N_PITOTS),
+}
+"""Rows of the peaks that belong to each settings key."""
 
 
 def params(settings: AirSettings) -> AirParams:
@@ -194,6 +218,19 @@ class AirBankWatch:
             [verdict(row, self._epoch_us) for row in log[:n_log]],
             {"air": _air_rows(estimates[:n_estimates], self._epoch_us)} if n_estimates else {},
         )
+
+    def peaks(self) -> dict[str, float]:
+        """Largest value that each test quantity reached while its pitot was judged and not faulty.
+
+        Under the settings key of its limit and in its unit; a quantity that never had a meaning in
+        this stream is left out.
+        """
+        reached = {key: self._state.peaks[rows, PEAK] for key, rows in _PEAKS.items()}
+        return {
+            key: max(float(values[np.isfinite(values)].max()), 0.0)
+            for key, values in reached.items()
+            if np.isfinite(values).any()
+        }
 
 
 def _air_rows(estimates: NDArray[np.float64], epoch_us: int) -> Rows:

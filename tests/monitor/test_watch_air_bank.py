@@ -265,3 +265,39 @@ def test_any_split_gives_the_same_verdicts_and_estimates(cuts: list[int]) -> Non
         estimates += [step.estimates["air"]] if "air" in step.estimates else []
     assert repr(verdicts) == repr(whole.verdicts)
     assert np.concatenate(estimates).tobytes() == whole.estimates["air"].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("pitots", "key", "size"),
+    [
+        (2, "margin_one", 0.9),
+        (1, "margin_all", 0.85),
+        (2, "min_shift", 0.94),
+    ],
+)
+def test_a_limit_above_the_peak_is_not_exceeded_and_one_below_is(
+    pitots: int, key: str, size: float
+) -> None:
+    flight = scaled(circuits(200.0, pitots=pitots), "airspeed0", size, 120.0)
+    out_of_reach = {"margin_one": 1e3, "margin_all": 1e3} if key != "min_shift" else {}
+    blind = {**out_of_reach, "min_shift": 0.02, key: 1e3}
+    watch = AirBankWatch(AirSettings(**blind))
+    assert not faulty(judged(flight, watch))
+    peak = watch.peaks()[f"air.{key}"]
+    assert not faulty(judged(flight, AirBankWatch(AirSettings(**blind | {key: 1.001 * peak}))))
+    found = faulty(judged(flight, AirBankWatch(AirSettings(**blind | {key: 0.8 * peak}))))
+    assert set(found) == {"airspeed0"}
+
+
+def test_a_healthy_flight_stays_below_its_limits(watch: AirBankWatch) -> None:
+    judged(circuits(200.0), watch)
+    limits = AirSettings().model_dump()
+    assert {
+        "air.margin_one",
+        "air.gross_ln",
+        "air.noise_rms",
+        "air.reference_apart_m_s",
+        "air.dead_wind_m_s",
+    } <= set(watch.peaks())
+    for key, reached in watch.peaks().items():
+        assert 0.0 <= reached < limits[key.removeprefix("air.")], key
