@@ -40,6 +40,7 @@ __all__ = [
     "PLUMBING",
     "Fault",
     "FaultKind",
+    "Trapped",
     "apply_all",
     "draw_wan2018",
     "lu2016_table2",
@@ -97,6 +98,15 @@ ICED_SHARE: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
+class Trapped:
+    """Pressures at the onset of a fault of the tubes: behind the ports, and static outside."""
+
+    total_pa: float
+    static_pa: float
+    free_pa: float
+
+
+@dataclass(frozen=True, slots=True)
 class Fault:
     """One fault of one channel.
 
@@ -145,6 +155,23 @@ class Fault:
         rng
             For the noise fault; one draw per sample, whatever the times.
         """
+        noise = rng.standard_normal(len(x)) if self.kind is FaultKind.NOISE else None
+        return self.disturb(t_s, x, self._before(t_s, x), noise)
+
+    def disturb(
+        self, t_s: Floats, x: Floats, held: Floats | float, noise: Floats | None = None
+    ) -> Floats:
+        """As :meth:`apply`, reading by reading, for who sees the readings piece by piece.
+
+        Parameters
+        ----------
+        t_s, x : (n,) float64
+            Times and healthy readings.
+        held : (n,) float64 or float
+            Last reading before the onset.
+        noise : (n,) float64
+            Standard normal, for the noise fault.
+        """
         on = self.active(t_s)
         age = np.where(on, t_s - self.start_s, 0.0)
         match self.kind:
@@ -155,13 +182,13 @@ class Fault:
             case FaultKind.OSCILLATION:
                 broken = x + self.size * np.sin(2.0 * pi * age / self.period_s)
             case FaultKind.NOISE:
-                broken = x + self.size * rng.standard_normal(len(x))
+                broken = x if noise is None else x + self.size * noise
             case FaultKind.STUCK:
-                broken = np.full_like(x, self._before(t_s, x))
+                broken = np.broadcast_to(np.float64(held), x.shape)
             case FaultKind.JAMMING:
                 broken = np.full_like(x, self.size)
             case FaultKind.NRZ:
-                broken = x + self.size * self._before(t_s, x)
+                broken = x + self.size * held
             case FaultKind.SCALE:
                 broken = x * (1.0 + self.size)
             case FaultKind.ICING:
@@ -173,6 +200,33 @@ class Fault:
             case _:
                 return x
         return np.where(on, broken, x)
+
+    def port(
+        self, t_s: Floats, total_pa: Floats, static_pa: Floats, free_pa: Floats, trapped: Trapped
+    ) -> tuple[Floats, Floats]:
+        """Total and static pressure behind a damaged tube, see :func:`plumbing`.
+
+        Parameters
+        ----------
+        t_s, total_pa, static_pa : (n,) float64
+            Times, and the pressures as other faults left them.
+        free_pa : (n,) float64
+            Static pressure outside, which a drain hole leads to.
+        trapped
+            What stood in the tubes at the onset.
+        """
+        on = self.active(t_s)
+        match self.kind:
+            case FaultKind.STATIC_BLOCKED:
+                return total_pa, np.where(on, trapped.static_pa, static_pa)
+            case FaultKind.PITOT_BLOCKED:
+                return np.where(on, trapped.total_pa, total_pa), static_pa
+            case FaultKind.PITOT_DRAINING:
+                left = np.exp(-np.where(on, t_s - self.start_s, 0.0) / self.drain_s)
+                draining = free_pa + left * (trapped.total_pa - trapped.free_pa)
+                return np.where(on, draining, total_pa), static_pa
+            case _:
+                return total_pa, static_pa
 
     def _before(self, t_s: Floats, x: Floats) -> float:
         """Last reading before the onset."""
@@ -216,15 +270,9 @@ def plumbing(
         on = fault.active(t_s)
         if fault.kind not in PLUMBING or not on.any():
             continue
-        first = int(np.argmax(on))
-        if fault.kind is FaultKind.STATIC_BLOCKED:
-            static = np.where(on, static[first], static)
-        elif fault.kind is FaultKind.PITOT_BLOCKED:
-            total = np.where(on, total[first], total)
-        else:
-            left = np.exp(-np.where(on, t_s - fault.start_s, 0.0) / fault.drain_s)
-            trapped = static_pa + left * (total[first] - static_pa[first])
-            total = np.where(on, trapped, total)
+        k = int(np.argmax(on))
+        trapped = Trapped(float(total[k]), float(static[k]), float(static_pa[k]))
+        total, static = fault.port(t_s, total, static, static_pa, trapped)
     return total - static, static
 
 
