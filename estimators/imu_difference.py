@@ -35,7 +35,18 @@ from numpy.typing import NDArray
 
 from estimators.jit import kernel
 
-__all__ = ["EDGES", "LAGS", "PAIR_ROWS", "close_bins", "fill_bins", "odd_noise", "watch_noise"]
+__all__ = [
+    "EDGES",
+    "LAGS",
+    "PAIR_ROWS",
+    "close_bins",
+    "fill_bins",
+    "improbable_rest",
+    "noise_excess",
+    "noise_rise",
+    "odd_noise",
+    "watch_noise",
+]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,11 +58,12 @@ LAGS = (1, 5, 15)
 """Intervals over which differences are averaged."""
 
 D_BASE, D_VAR, D_LAST, D_COUNT, D_PEAK, D_HOLD = 0, 1, 2, 3, 4, 5
-D_Z, D_MEAN, D_MS, D_ALIAS, D_RING = 6, 9, 12, 15, 16
-PAIR_ROWS = D_RING + 15
+D_Z, D_MEAN, D_MS, D_ALIAS, D_RING, D_BEFORE = 6, 9, 12, 15, 16, 31
+PAIR_ROWS = D_BEFORE + 4
 """Rows of a pair's state: b, v, last d, intervals seen, recent magnitude of the signal (acc in
 column 0, gyro in 3), hold flags (1: the baseline stands still on that axis, a fault is called),
-z per lag (3), m per lag (3), mean square of m per lag (3), mean of a, the last 15 d."""
+z per lag (3), m per lag (3), mean square of m per lag (3), mean of a, the last 15 d, the largest z
+and the size of it at the last two intervals (what has held for three counts as a peak)."""
 
 BASELINE_S = 60.0
 VARIANCE_S = 20.0
@@ -301,6 +313,38 @@ def odd_noise(noise: Array, imu: int, now: float) -> bool:
         level = math.log(max(s[N_DIFF2, c], 1e-12)) - s[N_LOG_BASE, c]
         odd = odd or level > 2.0 * LOG_NOISE or improbable_rest(noise, imu, c, now) > 1.0
     return bool(odd)
+
+
+@kernel
+def noise_rise(noise: Array, imu: int, axis: int) -> float:
+    """Logarithm of an axis' rms second difference over its usual one."""
+    s = noise[imu]
+    return 0.5 * float(math.log(max(s[N_DIFF2, axis], 1e-12)) - s[N_LOG_BASE, axis])
+
+
+@kernel
+def noise_excess(noise: Array, imu: int, axis: int, known: Array) -> float:
+    """By how much more an axis' noise has risen than its peers': logarithm of the ratio.
+
+    Parameters
+    ----------
+    noise : (I, 8, 6) float64
+    imu, axis : int
+    known : (I,) float64
+        1 for every IMU that works and whose usual noise is known: its same axis is a peer, as are
+        the axes of the same three of this IMU.
+    """
+    own = noise_rise(noise, imu, axis)
+    first = 3 * (axis // 3)
+    usual = -math.inf
+    for c in range(first, first + 3):
+        if c != axis:
+            usual = max(usual, noise_rise(noise, imu, c))
+    others = -math.inf
+    for i in range(noise.shape[0]):
+        if i != imu and known[i] > 0.0:
+            others = max(others, noise_rise(noise, i, axis))
+    return own - max(usual, others)
 
 
 @kernel

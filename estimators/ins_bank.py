@@ -21,7 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.atmosphere import gravity
-from estimators.imu_difference import close_bins, fill_bins, odd_noise, watch_noise
+from estimators.imu_difference import close_bins, fill_bins, watch_noise
+from estimators.ins_bank_interest import (
+    JUDGED_AGE_S,
+    P_ACC,
+    P_GYRO,
+    P_LONE,
+    P_NOISE,
+    P_PAIR,
+    interesting,
+    physical_size,
+)
 from estimators.ins_bank_measure import NOISE_FRACTION, measure
 from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, integrate
 from estimators.ins_bank_state import (
@@ -32,6 +42,7 @@ from estimators.ins_bank_state import (
     C_FLYING,
     C_GPS_BAD_S,
     C_GRAVITY,
+    C_JUDGED,
     C_NOW,
     C_POS_E,
     C_POS_M,
@@ -70,13 +81,20 @@ __all__ = [
     "C_CHANGED",
     "C_FLYING",
     "C_GPS_BAD_S",
+    "C_JUDGED",
     "C_NOW",
     "C_SPIN_S",
     "C_STOPPED",
     "EVENT_WIDTH",
     "GPS",
+    "JUDGED_AGE_S",
     "MAX_IMUS",
     "PHASE",
+    "P_ACC",
+    "P_GYRO",
+    "P_LONE",
+    "P_NOISE",
+    "P_PAIR",
     "R_T_ATT",
     "R_T_BARO",
     "R_T_GPS",
@@ -87,6 +105,7 @@ __all__ = [
     "make_bank",
     "mark",
     "observe_fault",
+    "physical_size",
     "roll",
     "run",
     "usual_error",
@@ -242,30 +261,6 @@ def _all_jolted(aligned_s: Array, fix: Array, sample: Array, now: float) -> bool
 
 
 @kernel
-def _interesting(b: Bank, p: Tuning, now: float) -> bool:
-    """Whether anything deserves a decision: a window, a reference, a value that stands still."""
-    interest = bool(b.clock[C_CHANGED] == 1.0)
-    if b.clock[C_FLYING] == 1.0:
-        quiet = now - b.clock[C_SPIN_S] > 0.5 and now > b.clock[C_GPS_BAD_S]
-        interest = interest or not quiet or now - b.ref[R_T_GPS] > 1.0
-    for i in range(b.sample.shape[0]):
-        interest = interest or odd_noise(b.noise, i, now)
-    for c in range(b.x.shape[0]):
-        if math.isnan(b.aligned_s[c]):
-            continue
-        for w in range(b.start_s.shape[1] - 1):
-            age = now - b.start_s[c, w]
-            for k in range(6):
-                info = b.L[c, w, k, k]
-                if age >= 0.6 and info > 0.0:
-                    z = b.Y[c, w, k] / math.sqrt(info * b.start_nis[c, w])
-                    size = abs(b.Y[c, w, k]) / info
-                    if abs(z) > p.interest_sigma and size > p.interest_size[k]:
-                        interest = True
-    return bool(interest)
-
-
-@kernel
 def run(
     b: Bank,
     p: Tuning,
@@ -334,7 +329,7 @@ def run(
         if _all_jolted(b.aligned_s, b.fix, b.sample, t):
             b.clock[C_GPS_BAD_S] = t + GPS_DISTRUST_S
             b.aligned_s[:] = np.nan
-        odd = _interesting(b, p, t) or odd
+        odd = interesting(b, p, t) or odd
         row = tick_count[0]
         if row < ticks.shape[0]:
             for i in range(n_imus):

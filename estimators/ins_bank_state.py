@@ -64,6 +64,9 @@ class Tuning(NamedTuple):
     max_rate_rad_s: float
     interest_sigma: float  # a statistic beyond this is handed to the caller
     interest_size: Array  # (6,) m/s^2, rad/s: and an estimate beyond this
+    difference_sigma: float  # an alarm of two IMUs' difference
+    single_sigma: float  # an alarm of a lone IMU's window
+    attitude_independent: bool  # the vehicle's attitude does not share the IMU's faults
 
 
 class Bank(NamedTuple):
@@ -96,19 +99,21 @@ class Bank(NamedTuple):
     pair: Array  # (I, I, PAIR_ROWS, 6) difference tests, see imu_difference
     turns: Array  # (I, TURNS, 11) attitude increments against the gyro, see ins_bank_turns
     noise: Array  # (I, 8, 6) noise and stuck tests, see imu_difference
-    clock: Array  # (13,) see C_* below
+    peaks: Array  # (5,) largest healthy values of what is compared, see ins_bank_interest
+    clock: Array  # (14,) see C_* below
 
 
 R_T_GPS, R_VN, R_VE, R_VD, R_LAT, R_ALT, R_LON, R_T_BARO, R_HGT, R_T_ATT, R_Q = range(11)
 """Columns of ``Bank.ref``: when each reference was last seen [s] and what it said."""
 
 C_FLYING, C_TICK, C_NOW, C_GRAVITY, C_POS_N, C_POS_E, C_POS_T, C_GPS_BAD_S = range(8)
-C_CHANGED, C_SPIN_S, C_STOPPED, C_FIX_S, C_POS_M = range(8, 13)
+C_CHANGED, C_SPIN_S, C_STOPPED, C_FIX_S, C_POS_M, C_JUDGED = range(8, 14)
 """Columns of ``Bank.clock``: flying flag, last closed tick, time of the last event, local gravity;
 receiver position minus integrated receiver velocity over the last interval and its start;
 time until which the receiver contradicts itself; whether something changed that the caller must
 know; when the aircraft last turned too fast; whether :func:`run` stopped at a tick;
-usual interval of fixes; distance flown over that interval."""
+usual interval of fixes; distance flown over that interval; whether every IMU is judged and none is
+called faulty (the caller says so)."""
 
 
 def make_bank(n_imus: int, tuning: Tuning) -> Bank:
@@ -143,5 +148,8 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         pair=np.zeros((n_imus, n_imus, PAIR_ROWS, 6)),
         turns=np.full((n_imus, TURNS, 11), nan),
         noise=np.zeros((n_imus, 8, 6)),
-        clock=np.array([0.0, -1.0, nan, 9.80665, 0.0, 0.0, nan, -1e9, 0.0, -1e9, 0.0, 0.2, 0.0]),
+        peaks=np.zeros(5),
+        clock=np.array(
+            [0.0, -1.0, nan, 9.80665, 0.0, 0.0, nan, -1e9, 0.0, -1e9, 0.0, 0.2, 0.0, 0.0]
+        ),
     )

@@ -119,3 +119,7 @@ class Watch(Protocol):
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows."""
         ...
+
+    def peaks(self) -> dict[str, float]:
+        """Settings key -> largest value of what is held to it, while judged and not faulty."""
+        ...

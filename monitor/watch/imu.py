@@ -27,6 +27,15 @@ INTEREST_SIGMA = 4.5
 _LIMIT_ACC_M_S2 = 500.0
 _LIMIT_GYRO_RAD_S = 60.0
 
+_PEAKS = {
+    "imu.difference_sigma": bank.P_PAIR,
+    "imu.single_sigma": bank.P_LONE,
+    "imu.noise_ratio": bank.P_NOISE,
+    "imu.acc_size_m_s2": bank.P_ACC,
+    "imu.gyro_size_rad_s": bank.P_GYRO,
+}
+"""Settings key -> peak. What settles a dispute has no healthy value: it is not learnt."""
+
 
 def tuning_of(s: ImuSettings) -> bank.Tuning:
     """The settings as the arrays that the filters read."""
@@ -58,6 +67,9 @@ def tuning_of(s: ImuSettings) -> bank.Tuning:
         max_rate_rad_s=s.max_rate_rad_s,
         interest_sigma=min(INTEREST_SIGMA, s.single_sigma),
         interest_size=0.5 * six(s.acc_size_m_s2, s.gyro_size_rad_s),
+        difference_sigma=s.difference_sigma,
+        single_sigma=s.single_sigma,
+        attitude_independent=s.attitude_independent,
     )
 
 
@@ -95,6 +107,14 @@ class ImuWatch:
                 bank.roll(self._bank, self._tuning)
         self._estimate(ticks[: int(used[0])], result)
         return result
+
+    def peaks(self) -> dict[str, float]:
+        """Largest value, while all was judged and nothing faulty, of what each key is held to.
+
+        A statistic counts where its size is at least half of what makes a fault, a size where its
+        statistic alone would. Sizes are physical: a flight that shows less does not lower them.
+        """
+        return {key: float(self._bank.peaks[at]) for key, at in _PEAKS.items()}
 
     def _events(
         self, rows: Mapping[str, Rows]

@@ -32,9 +32,11 @@ class BareTests:
         r = self._record
         noise = r.bank.noise
         known = [i for i in live if noise[i, difference.N_SEEN, 0] >= difference.KNOWN_SAMPLES]
-        rise = {i: self._rise(i) for i in known}
+        peers = np.zeros(len(r.units))
+        peers[known] = 1.0
         limit = math.log(r.settings.noise_ratio)
         for i in known:
+            rises = [difference.noise_rise(noise, i, k) for k in range(6)]
             zero_s = r.now_s - float(noise[i, difference.N_ZERO_S, 0])
             still = noise[i, difference.N_SAME].max() >= difference.REST_SAMPLES
             for k, axis in enumerate(r.units[i].axes):
@@ -47,27 +49,17 @@ class BareTests:
                 elif axis.test in (Kind.DROPOUT, Kind.STUCK):
                     if axis.latch.step(r.t_us, False, True) is LatchState.OK:
                         r.release(i, k)
-                elif rise[i][k] > 0.5 * limit or axis.test == Kind.NOISE:
-                    yield from self._noise(i, k, rise, limit)
+                elif rises[k] > 0.5 * limit or axis.test == Kind.NOISE:
+                    yield from self._noise(i, k, peers, limit)
 
-    def _rise(self, imu: int) -> Array:
-        """Logarithm of each axis' rms second difference over its usual one."""
-        s = self._record.bank.noise[imu]
-        h = np.log(np.maximum(s[difference.N_DIFF2], 1e-12))
-        return 0.5 * (h - s[difference.N_LOG_BASE])  # type: ignore[no-any-return]
-
-    def _noise(self, i: int, k: int, rise: dict[int, Array], limit: float) -> Iterator[Verdict]:
+    def _noise(self, i: int, k: int, peers: Array, limit: float) -> Iterator[Verdict]:
         """An axis is noisy when neither its peers nor the other IMUs' same axis are."""
         r = self._record
         axis = r.units[i].axes[k]
         if axis.faulty and axis.test != Kind.NOISE:
             return
-        own = float(rise[i][k])
-        first = 3 * (k // 3)
-        excess = own - max(float(rise[i][c]) for c in range(first, first + 3) if c != k)
-        others = [j for j in rise if j != i]
-        if others:
-            excess = min(excess, own - max(float(rise[j][k]) for j in others))
+        excess = difference.noise_excess(r.bank.noise, i, k, peers)
+        others = [j for j in range(len(r.units)) if j != i and peers[j] > 0.0]
         before = axis.faulty
         axis.test = Kind.NOISE
         state = axis.latch.step(r.t_us, excess > limit, excess < 0.5 * limit)

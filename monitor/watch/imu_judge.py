@@ -77,6 +77,7 @@ class Judge:
             self._contradicted_s = -math.inf
             reasons = {i: Reason.ON_GROUND for i, u in enumerate(r.units) if u.seen}
         found += self._changes(reasons)
+        b.clock[bank.C_JUDGED] = float(self._judged(reasons))
         self.busy = self._pairs.busy or self._unsettled()
         return found
 
@@ -94,6 +95,14 @@ class Judge:
         if math.isnan(aligned) or now - aligned < self._learn_s:
             return Reason.LEARNING
         return None
+
+    def _judged(self, reasons: dict[int, Reason | None]) -> bool:
+        """Whether every live IMU is judged and no axis is called faulty."""
+        return (
+            bool(reasons)
+            and all(reason is None for reason in reasons.values())
+            and not any(a.faulty for i in reasons for a in self._record.units[i].axes)
+        )
 
     def _unsettled(self) -> bool:
         """Whether an axis is anything but plainly ok, or plainly on the ground."""

@@ -23,14 +23,9 @@ from monitor.watch.imu_record import US, Array, Record
 __all__ = ["Found", "LoneTest"]
 
 ESTIMATOR = "estimators.ins_bank"
-YOUNG_S = 0.8
-"""A window younger than this has seen too few fixes to name an axis."""
 MARGIN_NATS = 3.0
 MARGIN_WAIT_S = 3.0
 """The best axis must beat its rival by this, or the best is named, with its pair, after a wait."""
-RECTIFIED = 0.1
-"""Vibration and gusts that the samples alias can leave a mean of this share of their sample-to-
-sample rms (rectification): a lone IMU is not blamed for less. Real flights shake by 1 m/s^2."""
 SECOND_FAULT = 1.5
 """A lone IMU with a called fault is a poorer model: a second one must be this much clearer."""
 SAME_FAULT = 0.75
@@ -144,11 +139,9 @@ class LoneTest:
         if math.isnan(b.aligned_s[c]):
             return None
         f, z = single_axis(b.L[c, :-1], b.Y[c, :-1], b.start_nis[c, :-1])
-        rms = np.sqrt(b.diff2[c // 2])
-        shaken = np.repeat([math.hypot(*rms[:3]), math.hypot(*rms[3:])], 3)
-        size = np.maximum(r.size, RECTIFIED * shaken)
+        size = np.array([bank.physical_size(r.size, b.diff2[c // 2], k) for k in range(6)])
         loud = np.where(np.abs(f) > size, np.abs(z) / limit, 0.0)
-        loud[r.now_s - b.start_s[c, :-1] < YOUNG_S] = 0.0
+        loud[r.now_s - b.start_s[c, :-1] < bank.JUDGED_AGE_S] = 0.0
         order = np.argsort(-loud.max(axis=0))
         k, rival = int(order[0]), int(order[1])
         w = int(loud[:, k].argmax())

@@ -42,6 +42,9 @@ TUNING = bank.Tuning(
     max_rate_rad_s=2.5,
     interest_sigma=4.5,
     interest_size=np.array([0.15] * 3 + [0.005] * 3),
+    difference_sigma=6.0,
+    single_sigma=6.0,
+    attitude_independent=False,
 )
 
 

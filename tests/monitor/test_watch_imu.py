@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from estimators.attitude import quaternion_from_rotation_vector, quaternion_product
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
+from monitor.settings.imu import ImuSettings
+from monitor.watch.imu import ImuWatch
 from sim_feeds.scenario import load
 from tests.monitor.imu_flights import (
     fault,
@@ -258,3 +260,36 @@ def test_an_attitude_that_turns_by_itself_is_no_gyro_fault(axis, rate_deg_s) -> 
         turn = quaternion_from_rotation_vector(angle * np.eye(3)[axis])
         row["q_ned_from_frd"] = quaternion_product(turn, row["q_ned_from_frd"].copy())
     assert faults_of(judge(rows)) == []
+
+
+def peaks_of(rows, **settings):
+    watch = ImuWatch(ImuSettings(**settings))
+    result = watch.step(rows, 1 << 60)
+    return watch.peaks(), result
+
+
+@pytest.mark.parametrize("imus", [1, 2])
+def test_peaks_of_a_healthy_flight_stay_below_the_thresholds(imus) -> None:
+    peaks, result = peaks_of(rows_of(scenario("small-uav", imus=imus, wind=TURBULENCE).fly()))
+    assert faults_of(result) == []
+    assert max(peaks["imu.difference_sigma"], peaks["imu.single_sigma"]) < 6.0
+    assert 1.0 < peaks["imu.noise_ratio"] < 16.0
+
+
+def test_a_threshold_above_the_peak_is_silent_and_one_below_is_not() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu0.acc_z", 0.3, 60.0)]).fly())
+    peaks, result = peaks_of(rows)
+    assert faults_of(result) == []
+    assert peaks["imu.difference_sigma"] > 6.0
+    size = peaks["imu.acc_size_m_s2"]
+    assert size == pytest.approx(0.3, abs=0.1)
+    assert faults_of(judge(rows, acc_size_m_s2=1.1 * size)) == []
+    assert [v.sensor for v in faults_of(judge(rows, acc_size_m_s2=0.8 * size))] == ["imu0.acc_z"]
+
+
+def test_a_called_fault_makes_no_peak() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu0.acc_x", 3.0, 60.0)]).fly())
+    late, result = peaks_of(rows)
+    [found] = faults_of(result)
+    early = {s: r[r["t_us"] <= found.t_us + 1] for s, r in rows.items()}
+    assert peaks_of(early)[0]["imu.acc_size_m_s2"] == late["imu.acc_size_m_s2"] > 1.0
