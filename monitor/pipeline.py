@@ -84,6 +84,18 @@ class Pipeline:
         """Each sensor's standing verdict; staleness counts before what the watch last said."""
         return self._states
 
+    def peaks(self) -> dict[str, float]:
+        """Settings key -> largest value that the quantity held to it reached on this stream.
+
+        Only while its sensors were judged and not faulty; keys whose test was never made are left
+        out. What thresholds are learnt from (:mod:`monitor.learn`).
+        """
+        out: dict[str, float] = {}
+        for watch in self._watches:
+            for key, value in watch.peaks().items():
+                out[key] = max(out.get(key, value), value)
+        return out
+
     def _step(self, released: dict[str, Rows], until_us: int) -> StepResult:
         if not released and until_us <= self.now_us:
             return StepResult()

@@ -18,6 +18,7 @@ from pydantic import BaseModel, Field, ValidationError
 from monitor.settings.air import AirSettings
 from monitor.settings.base import Section
 from monitor.settings.imu import ImuSettings
+from monitor.settings.learnt import LearntSettings
 from monitor.settings.links import LinkSettings
 from monitor.settings.phase import PhaseSettings
 from monitor.settings.publish import PublishSettings
@@ -48,6 +49,7 @@ class Settings(Section):
     triplex: TriplexSettings = Field(default_factory=TriplexSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
+    learnt: LearntSettings = Field(default_factory=LearntSettings)
 
 
 def load(profile: str | None = None, file: Path | None = None) -> Settings:
@@ -77,12 +79,18 @@ def load(profile: str | None = None, file: Path | None = None) -> Settings:
 
 
 def origins(profile: str | None = None, file: Path | None = None) -> dict[str, str]:
-    """Dotted key -> ``default``, ``profile NAME`` or the file's name: where its value came from."""
+    """Dotted key -> where its value came from.
+
+    ``default``, ``profile NAME``, the file's name, or that and how many flights it was learnt from.
+    """
     settings = load(profile, file)
     own = _flat(_read(file)) if file is not None else {}
     base = _flat(_profile_values(settings.profile))
+    learnt = settings.learnt
     return {
-        key: str(file)
+        key: f"{file}, {learnt.origin}"
+        if key in learnt.keys and learnt.logs
+        else str(file)
         if key in own
         else f"profile {settings.profile}"
         if key in base

@@ -61,7 +61,7 @@ class AirWatch:
 
     def peaks(self) -> dict[str, float]:
         """What the chosen estimator's test quantities reached, by settings key."""
-        return self._bank.peaks() if self._chosen is self._bank else {}
+        return {} if self._chosen is None else self._chosen.peaks()
 
     def _with_vanes(self, verdicts: list[Verdict], rows: Mapping[str, Rows]) -> list[Verdict]:
         """The verdicts and, when the bank is chosen, why no vane has one of its own."""
