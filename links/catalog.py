@@ -36,6 +36,7 @@ __all__ = [
 
 Payload = NDArray[np.void]
 Floats = NDArray[np.float64]
+Wire = dict[str, Floats]
 
 STANDARD_GRAVITY = 9.80665
 """MAVLink's mG is a thousandth of this [m/s^2]."""
@@ -67,6 +68,8 @@ class Fill:
         Whether a row without this value is rejected; otherwise NaN stays NaN.
     compute
         (payload) -> values, instead of ``fields``.
+    invert
+        (payload, values) -> wire fields with their values before rounding: undoes ``compute``.
     """
 
     into: str
@@ -77,6 +80,7 @@ class Fill:
     high: float = inf
     required: bool = True
     compute: Callable[[Payload], Floats] | None = None
+    invert: Callable[[Payload, Floats], Wire] | None = None
 
     @property
     def bounded(self) -> bool:
@@ -143,12 +147,26 @@ def _quaternion_from_euler(p: Payload) -> Floats:
     )
 
 
+def _euler_from_quaternion(_: Payload, q: Floats) -> Wire:
+    """The quaternion as ATTITUDE's roll, pitch and yaw."""
+    w, x, y, z = q.T
+    return {
+        "roll": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
+        "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    }
+
+
 def _unit_quaternion(p: Payload) -> Floats:
     """ATTITUDE_QUATERNION, normalised; a quaternion far from unit length is NaN."""
     q = np.stack([p[name].astype(np.float64) for name in ("q1", "q2", "q3", "q4")], axis=1)
     norm = np.sqrt(np.sum(q * q, axis=1))
     norm[~(np.abs(norm - 1.0) < 0.1)] = nan
     return np.asarray(q / norm[:, None], dtype=np.float64)
+
+
+def _quaternion_fields(_: Payload, q: Floats) -> Wire:
+    return dict(zip(("q1", "q2", "q3", "q4"), q.T, strict=True))
 
 
 def _velocity_from_course(p: Payload) -> Floats:
@@ -159,6 +177,15 @@ def _velocity_from_course(p: Payload) -> Floats:
     v[:, 0], v[:, 1] = speed * np.cos(course), speed * np.sin(course)
     v[unknown] = nan
     return v
+
+
+def _course_from_velocity(_: Payload, v: Floats) -> Wire:
+    """North and east as speed and course over ground; the highest number would be "unknown"."""
+    speed, course = np.hypot(v[:, 0], v[:, 1]), np.arctan2(v[:, 1], v[:, 0])
+    return {
+        "vel": np.minimum(speed * 1e2, 0xFFFE),
+        "cog": np.mod(np.rint(course / DEG * 1e2), 36000.0),
+    }
 
 
 def _accuracy(name: str) -> Callable[[Payload], Floats]:
@@ -204,7 +231,12 @@ _GPS = (
     Fill("lat_rad", ("lat",), 1e-7 * DEG, low=-pi / 2, high=pi / 2),
     Fill("lon_rad", ("lon",), 1e-7 * DEG, low=-pi, high=pi),
     Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
-    Fill("vel_ned_m_s", compute=_velocity_from_course, required=False),
+    Fill(
+        "vel_ned_m_s",
+        compute=_velocity_from_course,
+        invert=_course_from_velocity,
+        required=False,
+    ),
     Fill("h_std_m", compute=_accuracy("h_acc"), required=False),
     Fill("v_std_m", compute=_accuracy("v_acc"), required=False),
     Fill("vel_std_m_s", compute=_accuracy("vel_acc"), required=False),
@@ -236,12 +268,20 @@ def _escs() -> tuple[Source, ...]:
     def pick(k: int) -> Callable[[Payload], Floats]:
         return lambda p: p["rpm"][:, k].astype(np.float64)
 
+    def put(k: int) -> Callable[[Payload, Floats], Wire]:
+        def invert(p: Payload, speed_rpm: Floats) -> Wire:
+            rpm = p["rpm"].astype(np.float64)
+            rpm[:, k] = speed_rpm
+            return {"rpm": rpm}
+
+        return invert
+
     return tuple(
         Source(
             "ESC_TELEMETRY",
             f"ESC_TELEMETRY_{first}_TO_{first + 3}",
             f"spool{first - 1 + k}",
-            (Fill("speed_rpm", compute=pick(k), low=-_MAX_RPM, high=_MAX_RPM),),
+            (Fill("speed_rpm", compute=pick(k), invert=put(k), low=-_MAX_RPM, high=_MAX_RPM),),
         )
         for first in (1, 5, 9, 13)
         for k in range(4)
@@ -295,13 +335,19 @@ SOURCES: tuple[Source, ...] = (
         "ATTITUDE_QUATERNION",
         "ATTITUDE_QUATERNION",
         "attitude",
-        (Fill("q_ned_from_frd", compute=_unit_quaternion), _BODY_RATE),
+        (
+            Fill("q_ned_from_frd", compute=_unit_quaternion, invert=_quaternion_fields),
+            _BODY_RATE,
+        ),
     ),
     Source(
         "ATTITUDE",
         "ATTITUDE",
         "attitude",
-        (Fill("q_ned_from_frd", compute=_quaternion_from_euler), _BODY_RATE),
+        (
+            Fill("q_ned_from_frd", compute=_quaternion_from_euler, invert=_euler_from_quaternion),
+            _BODY_RATE,
+        ),
     ),
     # position and velocity
     Source("GPS_RAW_INT", "GPS_RAW_INT", "gps0", _GPS),

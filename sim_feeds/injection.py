@@ -22,12 +22,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from links.samples import Batch
+from links.catalog import SOURCES
+from links.samples import Batch, Rows, quantity_of
+from links.vocabulary import Rejection
 from sim_feeds.attitude_follow import AttitudeFollows
 from sim_feeds.fault_table import FaultEntry
 from sim_feeds.faults import Fault
@@ -144,8 +150,8 @@ def parse_injection(text: str, where: str = "faults") -> Injection:
 class RowInjector:
     """Breaks sensors in a stream of decoded batches; where it is cut changes nothing.
 
-    A faulty attitude follows the rows of the IMU; what saturates or rounds in a message does not
-    do so here.
+    A reading that the fault takes out of the bounds of :mod:`links.catalog` is rejected, as a
+    decoder does. Unlike in a message, nothing saturates or is rounded.
 
     Parameters
     ----------
@@ -162,8 +168,32 @@ class RowInjector:
 
     def apply(self, batch: Batch) -> Batch:
         """The batch as it would have been; rows of other sensors are shared, not copied."""
-        rows = dict(batch.rows)
+        rows, rejected = dict(batch.rows), batch.rejected.copy()
         shown = {(s, 0): r for s, r in rows.items() if s in self._core.needs}
         for (sensor, _), (changed, keep) in self._core.apply(shown).items():
-            rows[sensor] = changed if keep.all() else changed[keep]
-        return Batch({s: r for s, r in rows.items() if len(r)}, batch.rejected)
+            good = keep & _within_bounds(sensor, changed)
+            if n := int(np.count_nonzero(keep & ~good)):
+                rejected[sensor, Rejection.OUT_OF_RANGE] += n
+            rows[sensor] = changed if good.all() else changed[good]
+        return Batch({s: r for s, r in rows.items() if len(r)}, rejected)
+
+
+@lru_cache(maxsize=64)
+def _bounds(quantity: str) -> dict[str, tuple[float, float]]:
+    """Field of a quantity's rows -> bounds that a reading must keep, from the catalogue."""
+    return {
+        fill.into: (fill.low, fill.high)
+        for source in SOURCES
+        if source.quantity == quantity
+        for fill in source.fills
+        if fill.required and (fill.low > -inf or fill.high < inf)
+    }
+
+
+def _within_bounds(sensor: str, rows: Rows) -> NDArray[np.bool_]:
+    good = np.ones(len(rows), np.bool_)
+    for name, (low, high) in _bounds(quantity_of(sensor)).items():
+        values = rows[name]
+        outside = (values < low) | (values > high)
+        good &= ~(outside if outside.ndim == 1 else outside.any(axis=1))
+    return good

@@ -21,37 +21,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links import catalog
-from links.catalog import Source
 from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import NO_STAMP, Framer, Frames
 from links.mavlink.options import Counters, DecoderOptions, Vehicle
 from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, gather_payloads, instances
+from links.mavlink.sourcing import AUTOPILOT_INVALID, Entry, source_table
 from links.ranking import Candidate, SourceRanking
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
 
 __all__ = ["Decoder"]
 
-_AUTOPILOT_INVALID = 8
 _PAIRED = 500  # stamps that tell how Unix time stands to vehicle time
 _REORDERED = 128  # a sequence number this far ahead is rather one from behind
 _INTEGER_PARAM_TYPES = 6  # MAV_PARAM_TYPE_UINT8 ... INT32 are 1 ... 6
 
+_NO_TIMES = np.empty(0, np.int64)
+_NOTHING = (
+    Frames.at(b"", []),
+    ClockResult(_NO_TIMES, _NO_TIMES, np.empty(0, np.bool_), {}),
+)
+
 Rejected = Counter[tuple[str, Rejection]]
 Group = tuple[NDArray[np.int64], Rows]  # indices of the frames, their payloads
-
-
-@dataclass(frozen=True, slots=True)
-class _Entry:
-    """A source in use: its rank, its place among the rows of one frame, whom it is taken from."""
-
-    rank: int
-    order: int
-    source: Source
-    components: tuple[int, ...] | None  # None: any but our own
-    named: bytes | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +75,8 @@ class Decoder:
         Sensor -> message name -> rows used of it.
     frames
         Frames of the last ``feed``, for who needs the stamps of a log.
+    timed
+        The vehicle's frames that the last ``feed`` turned into samples, and their times.
     host_us
         Host time given with the last ``feed`` [us], or None.
     first_t_us
@@ -103,7 +99,7 @@ class Decoder:
         self._seq = 0
         self._ratios = PitotRatios(self.options.airspeed_ratio)
         self._sequence: dict[int, int] = {}
-        self._sources: dict[int, list[_Entry]] = {}
+        self._sources: dict[int, list[Entry]] = {}
         self._parameter = self._dialect.by_name["PARAM_VALUE"].id
         self._named_value = self._dialect.by_name["NAMED_VALUE_FLOAT"].id
         self._stamps = {
@@ -116,6 +112,7 @@ class Decoder:
         self.vehicle: Vehicle | None = None
         self.sources: dict[str, Counter[str]] = {}
         self.frames = Frames.at(b"", [])
+        self.timed = _NOTHING
         self.host_us: int | None = None
         self.first_t_us: int | None = None
         self._leads: list[int] = []
@@ -130,6 +127,13 @@ class Decoder:
     def finish(self) -> Batch:
         """Samples of what still waited: the stream has ended."""
         return self._decode(self._framer.finish(), final=True)
+
+    @property
+    def undecided(self) -> int:
+        """Bytes fed last of which it is still open what they are or how they are used."""
+        if self._held is not None and len(self._held):
+            return self._framer.bytes - int(self._held.position[0])
+        return self._framer.pending
 
     @property
     def clock(self) -> VehicleClock:
@@ -147,38 +151,7 @@ class Decoder:
     # ------------------------------------------------------------------ set-up
 
     def _rank(self, autopilot: int | None) -> None:
-        """Sources by message number, each with its rank and its order within one frame."""
-        ranking = dict(catalog.RANKING)
-        ranking.update(catalog.RANKING_BY_AUTOPILOT.get(-1 if autopilot is None else autopilot, {}))
-        if strange := set(self.options.ranking) - set(ranking):
-            raise ValueError(f"no quantity is called {', '.join(sorted(map(repr, strange)))}")
-        ranking.update(self.options.ranking)
-        named = (
-            catalog.named_source(name, sensor, into, scale)
-            for name, (sensor, into, scale) in self.options.named_inputs.items()
-        )
-        self._sources = {}
-        for order, source in enumerate((*catalog.SOURCES, *named)):
-            message = self._dialect.by_name.get(source.message)
-            keys = ranking[source.quantity]
-            if message is None or source.key not in keys:
-                continue
-            entry = _Entry(
-                keys.index(source.key),
-                order,
-                source,
-                self._components(source),
-                None if source.named is None else source.named.encode(),
-            )
-            self._sources.setdefault(message.id, []).append(entry)
-
-    def _components(self, source: Source) -> tuple[int, ...] | None:
-        """Components that a source is taken from; texts and named values come from anyone."""
-        if source.message in self.options.components:
-            return tuple(self.options.components[source.message])
-        if source.quantity in catalog.FROM_ANY_COMPONENT:
-            return None
-        return (self.options.autopilot_component,)
+        self._sources = source_table(self._dialect, self.options, autopilot)
 
     # ------------------------------------------------------------------ frames
 
@@ -188,6 +161,7 @@ class Decoder:
         self.frames = frames
         if self._held is not None:
             frames = self._hold(Frames.join(self._held, frames), rejected, final)
+        self.timed = _NOTHING
         rows = self._rows(frames, rejected) if len(frames) else {}
         self.counters.reboots = self._clock.reboots
         return Batch(rows, rejected)
@@ -248,7 +222,7 @@ class Decoder:
         wanted = self.options.system_id
         payloads = gather_payloads(beats, np.arange(len(beats)), message)
         for system, beat in zip(beats.system, payloads, strict=True):
-            if beat["autopilot"] != _AUTOPILOT_INVALID and wanted in (None, int(system)):
+            if beat["autopilot"] != AUTOPILOT_INVALID and wanted in (None, int(system)):
                 self._system = int(system)
                 self.vehicle = Vehicle(self._system, int(beat["autopilot"]), int(beat["type"]))
                 self._rank(self.vehicle.autopilot)
@@ -333,6 +307,7 @@ class Decoder:
         kind[~from_autopilot] = Stamp.NONE
         unix = {i: u for i, u in unix.items() if from_autopilot[i]}
         times = self._clock.advance(kind, raw, frames.message, unix)
+        self.timed = (frames, times)
         if self.first_t_us is None and times.ok.any():
             self.first_t_us = int(times.t_us[np.argmax(times.ok)])
         self._note_leads(kind, raw, times, frames)
@@ -368,11 +343,12 @@ class Decoder:
             self._leads += lead[:wanted].tolist()
 
     def _offers(
-        self, entry: _Entry, index: NDArray[np.int64], payload: Rows, block: _Block
+        self, entry: Entry, index: NDArray[np.int64], payload: Rows, block: _Block
     ) -> Iterable[tuple[str, Candidate]]:
         """Usable rows that a source gives from the payloads of its message."""
         source, times, rejected = entry.source, block.times, block.rejected
-        take = self._theirs(entry, index, payload, block.component)
+        component = None if block.component is None else block.component[index]
+        take = entry.theirs(payload, component)
         if take is not None:
             index, payload = index[take], payload[take]
             if not len(index):
@@ -396,28 +372,6 @@ class Decoder:
                 rows, at = rows[good], at[good]
             if len(rows):
                 yield sensor, Candidate(entry.rank, entry.order, source, at, rows)
-
-    @staticmethod
-    def _theirs(
-        entry: _Entry,
-        index: NDArray[np.int64],
-        payload: Rows,
-        component: NDArray[np.int64] | None,
-    ) -> NDArray[np.bool_] | None:
-        """Which payloads are this source's; None for all."""
-        source, conditions = entry.source, []
-        if component is not None and entry.components is not None:
-            conditions.append(np.isin(component[index], entry.components))
-        if source.quantity == "heartbeat":
-            conditions.append(payload["autopilot"] != _AUTOPILOT_INVALID)
-        if entry.named is not None:
-            conditions.append(payload["name"] == entry.named)
-        if source.only is not None:
-            conditions.append(source.only(payload))
-        if not conditions:
-            return None
-        mask: NDArray[np.bool_] = np.logical_and.reduce(conditions)
-        return None if mask.all() else mask
 
     def _number(self, offers: Mapping[str, list[Candidate]]) -> dict[str, Rows]:
         """Pick each sensor's rows and number all of them in arrival order."""

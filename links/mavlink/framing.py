@@ -65,6 +65,8 @@ class Frames:
         Header fields.
     stamp_us : (n,) int64 [us]
         Unix time that a telemetry log gives, else :data:`NO_STAMP`.
+    position : (n,) int64 [bytes]
+        Offset of the frame in the whole stream.
     """
 
     data: bytes
@@ -77,18 +79,21 @@ class Frames:
     component: NDArray[np.int64]
     sequence: NDArray[np.int64]
     stamp_us: NDArray[np.int64]
+    position: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.start)
 
     @staticmethod
-    def at(data: bytes, starts: list[int], stamped: list[bool] | None = None) -> Frames:
-        """Columns of the frames that start at ``starts``."""
+    def at(
+        data: bytes, starts: list[int], stamped: list[bool] | None = None, origin: int = 0
+    ) -> Frames:
+        """Columns of the frames that start at ``starts``; ``data`` stands at ``origin``."""
         start = np.array(starts, dtype=np.int64)
         n = len(start)
         if n == 0:
             none = np.empty(0, np.int64)
-            return Frames(b"", none, none, none, none, none, none, none, none, none)
+            return Frames(b"", none, none, none, none, none, none, none, none, none, none)
         raw = np.frombuffer(data, np.uint8)
         head = raw[start[:, None] + np.arange(_HEAD_V1)].astype(np.int64)
         v2 = head[:, 0] == _V2
@@ -110,7 +115,17 @@ class Frames:
         signed = v2 & ((head[:, 2] & _SIGNED) != 0)
         end = payload + head[:, 1] + 2 + np.where(signed, _SIGNATURE, 0)
         return Frames(
-            data, start, end, payload, head[:, 1], message, system, component, sequence, stamp
+            data,
+            start,
+            end,
+            payload,
+            head[:, 1],
+            message,
+            system,
+            component,
+            sequence,
+            stamp,
+            start + origin,
         )
 
     def take(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Frames:
@@ -126,6 +141,7 @@ class Frames:
             self.component[index],
             self.sequence[index],
             self.stamp_us[index],
+            self.position[index],
         )
 
     @staticmethod
@@ -148,6 +164,7 @@ class Frames:
             both([first.component, second.component]),
             both([first.sequence, second.sequence]),
             both([first.stamp_us, second.stamp_us]),
+            both([first.position, second.position]),
         )
 
 
@@ -190,6 +207,11 @@ class Framer:
     def finish(self) -> Frames:
         """Frames among the waiting bytes, now that no more will come; ready for a new stream."""
         return self._scan(self._rest, final=True)
+
+    @property
+    def pending(self) -> int:
+        """Bytes fed last that wait for more."""
+        return len(self._rest)
 
     def take_rejected(self) -> Counter[tuple[str, Rejection]]:
         """What was rejected since the last call, by reason (under ``"frame"``)."""
@@ -289,7 +311,8 @@ class Framer:
                     self._reject(Rejection.TRUNCATED)
             else:
                 at = p + 1
-        frames = Frames.at(buf, starts, stamped if prefix else None)
+        origin = self.bytes - len(buf)
+        frames = Frames.at(buf, starts, stamped if prefix else None, origin)
         if final:
             if len(buf) > good_end:
                 self._garbage(len(buf) - good_end)
