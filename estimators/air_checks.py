@@ -61,8 +61,9 @@ T_LAST, Z1, Z2, D2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOIS
 PAIR0 = 12
 N_CHECK = 15
 
-Z_FLOOR_M_S = 1.0
-"""Less airspeed than this has no meaningful logarithm."""
+Z_FLOOR_M_S = 8.0
+"""Less airspeed than this has no meaningful logarithm: 1.5 Pa of a pressure sensor's noise, which
+is nothing in flight, is 2 % of 8 m/s and all of what a parked pitot shows."""
 SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 

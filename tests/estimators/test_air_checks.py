@@ -96,5 +96,22 @@ def test_gusts_and_a_wrong_scale_are_not_noise() -> None:
     assert scatter([0.003, 0.003], gust=0.15, scale=[0.7, 1.0]) == [False, False]
 
 
+def test_the_scatter_of_a_parked_pitot_is_no_noise() -> None:
+    """On the ground a pitot shows the root of 1 Pa of noise: 0 to 2 m/s, wildly in logarithms."""
+    rng = np.random.default_rng(5)
+    states = np.stack([checks.new_check() for _ in range(3)])
+    for k in range(400):
+        t, flying = k / HZ, k >= 200
+        speed = min(max(0.0, 15.0 * (t - 20.0)), 22.0)
+        for i in range(2):
+            pa = max(0.5 * 1.225 * speed**2 + 2.0 * rng.uniform(-1.0, 1.0), 0.0)
+            c = math.sqrt(2.0 * pa / 1.225)
+            checks.check_sample(
+                states[i], LIMITS, t, c, c, math.nan, 1.0, speed, 1.0, flying, False
+            )
+            checks.pair_noise(states, LIMITS, i, 1.0 / HZ)
+            assert not checks.noise_check(states, LIMITS, i, 3 & ~(1 << i), t), t
+
+
 def test_a_single_pitot_is_never_called_noisy() -> None:
     assert scatter([0.2], gust=0.02, scale=[1.0]) == [False]
