@@ -14,6 +14,8 @@ from links.logs import LogInfo, open_log
 from links.mavlink.dialect import enum_word
 from links.samples import Rows
 from monitor import summary
+from monitor.learn.flights import vehicle_words
+from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.verdict import StepResult, Verdict
@@ -136,7 +138,8 @@ def analyze_log(
     recording.add(pipeline.finish())
     return Analysis(
         path,
-        summarize(log.info, pipeline, recording.verdicts),
+        summarize(log.info, pipeline, recording.verdicts)
+        | {"learnt": provenance(settings.learnt, path, vehicle_words(log.info.vehicle))},
         recording.verdicts,
         recording.estimates,
     )

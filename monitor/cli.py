@@ -18,6 +18,7 @@ from monitor.commands import (
     config,
     demo,
     feed,
+    learn,
     replay,
     run,
     selftest,
@@ -49,6 +50,7 @@ app.command("bench")(bench.bench)
 app.command("selftest")(selftest.selftest)
 app.command("warmup")(warmup.warmup)
 app.command("demo")(demo.demo)
+app.add_typer(learn.app, name="learn")
 app.add_typer(config.app, name="config")
 
 

@@ -127,4 +127,7 @@ def _show(analysis: Analysis, file: Path) -> None:
                 fault["evidence"],
             )
         screen.print(table)
+    learnt = analysis.summary["learnt"]
+    if learnt is not None and learnt["note"] is not None:
+        screen.print(f"  note: {learnt['note']}", soft_wrap=True)
     screen.print(f"  {file}", soft_wrap=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from monitor.commands.common import ConfigFile, Profile, Refused, load_settings
+from monitor.settings.toml import toml_value
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -62,9 +62,12 @@ def show(
 
     came_from = origins(profile, config)
     values = dict(_flat(settings.model_dump()))
-    wide = max(len(f"{key} = {_toml(value)}") for key, value in values.items() if len(key) < 60)
+    values["learnt.logs"] = [log["name"] for log in values["learnt.logs"]]
+    wide = max(
+        len(f"{key} = {toml_value(value)}") for key, value in values.items() if len(key) < 60
+    )
     for key, value in values.items():
-        setting = f"{key} = {_toml(value)}"
+        setting = f"{key} = {toml_value(value)}"
         print(f"{setting:<{min(wide, 60)}}  # {came_from[key]}")
 
 
@@ -86,10 +89,10 @@ def _sections(model: BaseModel, name: str) -> Iterator[str]:
             continue
         for text in textwrap.wrap(field.description or "", 92):
             yield f"# {text}\n"
-        yield f"# {key} = {_toml(value)}\n"
+        yield f"# {key} = {toml_value(value)}\n"
     for key in fields:
         value = getattr(model, key)
-        if isinstance(value, BaseModel):
+        if isinstance(value, BaseModel) and key != "learnt":  # which `mavsentry learn` writes
             yield from _sections(value, f"{name}.{key}" if name else key)
 
 
@@ -99,16 +102,3 @@ def _flat(values: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]
             yield from _flat(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML writes it."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + "}"
-    return repr(value)

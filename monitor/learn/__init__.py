@@ -7,10 +7,13 @@
     without = learn([f for f in flights if f is not judged], settings)          # leave one out
     Pipeline(without.settings)
 
-Thresholds never come from the flight that is judged by them: a learnt file names its flights with
-their digests, and ``analyze`` says so when it meets one of them.
+The command is :func:`calibrate` and :func:`document`. Thresholds never come from the flight that is
+judged by them: a learnt file names its flights with their digests, and ``analyze`` says so when it
+meets one of them.
 """
 
+from monitor.learn.calibrate import Measure, calibrate
+from monitor.learn.document import document
 from monitor.learn.flights import Alarm, Flight, measure, measure_log, same_flight
 from monitor.learn.thresholds import (
     Change,
@@ -30,11 +33,14 @@ __all__ = [
     "Change",
     "Flight",
     "Learnt",
+    "Measure",
     "Outcome",
     "TooLittle",
     "Unfit",
+    "calibrate",
     "check_alike",
     "check_healthy",
+    "document",
     "learn",
     "measure",
     "measure_log",

@@ -21,7 +21,7 @@ from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.verdict import Verdict
 
-__all__ = ["Alarm", "Flight", "digest", "measure", "measure_log", "same_flight"]
+__all__ = ["Alarm", "Flight", "digest", "measure", "measure_log", "same_flight", "vehicle_words"]
 
 WATCHED = frozenset({"imu", "airspeed", "aoa"})
 """Quantities that are judged; the others are references."""
@@ -91,14 +91,11 @@ class Flight:
         """How many sensors of a quantity were judged."""
         return len({s.partition(".")[0] for s in self.judged(quantity)})
 
-    @property
-    def vehicle_words(self) -> str:
-        """Whose flight it is, in words; empty where it is not known."""
-        v = self.vehicle
-        if v is None:
-            return ""
-        autopilot, kind = enum_word("MAV_AUTOPILOT", v.autopilot), enum_word("MAV_TYPE", v.type)
-        return f"system {v.system_id}, {autopilot}, {kind}"
+
+def vehicle_words(vehicle: Vehicle) -> str:
+    """Whose flight it is: system id, autopilot, type."""
+    autopilot = enum_word("MAV_AUTOPILOT", vehicle.autopilot)
+    return f"system {vehicle.system_id}, {autopilot}, {enum_word('MAV_TYPE', vehicle.type)}"
 
 
 def measure(batches: Iterable[Batch], settings: Settings, name: str = "") -> Flight:

@@ -2,14 +2,25 @@
 
 A verdict takes a statistic beyond its threshold *and* a size that matters. Only thresholds of
 statistics are learnt: they are what differs between airframes, and raising one is enough to silence
-a test. A size says what is worth calling a fault; it is kept, and shown beside its maximum.
+a test. A size says what is worth calling a fault; it is kept, and shown beside its maximum. What
+keeps a bad reference from being believed may be raised for a receiver that is noisier.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
-__all__ = ["LEVELS", "RULES", "Level", "Rule"]
+__all__ = ["LEVELS", "RULES", "Kind", "Level", "Rule"]
+
+
+class Kind(Enum):
+    """What a key is to a verdict."""
+
+    STATISTIC = "statistic"
+    SIZE = "size"
+    REFERENCE = "reference"
+    LEVEL = "level"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +42,8 @@ class Rule:
         proportional to the fault, a log likelihood to its square.
     least, most
         How many sensors of the quantity an aircraft has for the test to be made.
-    learnt
-        False for a size: kept.
+    kind
+        What it is to a verdict; a size is never learnt.
     """
 
     key: str
@@ -42,36 +53,36 @@ class Rule:
     power: float = 1.0
     least: int = 1
     most: int = 99
-    learnt: bool = True
+    kind: Kind = Kind.STATISTIC
 
 
 RULES = (
     Rule(
         "imu.difference_sigma",
         "imu",
-        "3.5 sigma, where suspicion begins: below it ordinary noise would be accused",
+        "where suspicion begins; ordinary noise would be accused below it",
         floor=3.5,
         least=2,
     ),
     Rule(
         "imu.single_sigma",
         "imu",
-        "3.5 sigma: below it ordinary noise would be accused",
+        "ordinary noise would be accused below it",
         floor=3.5,
         most=1,
     ),
     Rule(
         "imu.noise_ratio",
         "imu",
-        "6 times: noise that doubles or triples in a manoeuvre harms no estimate",
+        "noise that doubles or triples in a manoeuvre harms no estimate",
         floor=6.0,
     ),
-    Rule("imu.acc_size_m_s2", "imu", "a physical size, not a statistic", learnt=False),
-    Rule("imu.gyro_size_rad_s", "imu", "a physical size, not a statistic", learnt=False),
+    Rule("imu.acc_size_m_s2", "imu", "a physical size, no statistic", kind=Kind.SIZE),
+    Rule("imu.gyro_size_rad_s", "imu", "a physical size, no statistic", kind=Kind.SIZE),
     Rule(
         "air.margin_one",
         "airspeed",
-        "6 nats: the best of 400 explanations (8 kinds, 50 starts) gains ln 400 by chance",
+        "the best of 400 explanations (8 kinds, 50 starts) gains ln 400 by chance",
         floor=6.0,
         power=0.5,
         least=2,
@@ -79,27 +90,37 @@ RULES = (
     Rule(
         "air.margin_all",
         "airspeed",
-        "8 nats: without a healthy pitot beside it, as much as the default asks with one",
+        "without a healthy pitot beside it, as much as the default asks with one",
         floor=8.0,
         power=0.5,
     ),
-    Rule("air.min_shift", "airspeed", "a physical size, not a statistic", learnt=False),
+    Rule("air.min_shift", "airspeed", "a physical size, no statistic", kind=Kind.SIZE),
     Rule(
         "air.gross_ln",
         "airspeed",
-        "0.3, a third of the airspeed: what is less is no gross error and left to the filters",
+        "what is less than a third is no gross error and left to the filters",
         floor=0.3,
     ),
     Rule(
         "air.noise_rms",
         "airspeed",
-        "0.01: three times the scatter of a healthy pitot",
+        "three times the scatter of a healthy pitot",
         floor=0.01,
         least=2,
     ),
     Rule("air.dead_wind_m_s", "airspeed", "the wind of another day may be stronger"),
-    Rule("air.reference_apart_m_s", "airspeed", "satellites may stand worse on another day"),
-    Rule("air.reference_noise_m_s", "airspeed", "satellites may stand worse on another day"),
+    Rule(
+        "air.reference_apart_m_s",
+        "airspeed",
+        "satellites may stand worse on another day",
+        kind=Kind.REFERENCE,
+    ),
+    Rule(
+        "air.reference_noise_m_s",
+        "airspeed",
+        "satellites may stand worse on another day",
+        kind=Kind.REFERENCE,
+    ),
 )
 """Every threshold, in the order in which it is shown."""
 

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from monitor.learn.flights import Flight, same_flight
-from monitor.learn.rules import LEVELS, RULES, Rule
+from monitor.learn.flights import Flight, same_flight, vehicle_words
+from monitor.learn.rules import LEVELS, RULES, Kind, Rule
 from monitor.settings import Settings
 from monitor.settings.learnt import LearntLog, LearntSettings
 
@@ -30,11 +30,13 @@ __all__ = [
     "TooLittle",
     "Unfit",
     "check_alike",
+    "check_enough",
     "check_healthy",
     "default_of",
     "learn",
     "raised_levels",
     "widened",
+    "with_keys",
 ]
 
 FACTOR = 1.3
@@ -79,6 +81,8 @@ class Change:
         Dotted settings key.
     default, value
         Before and after, in the key's unit.
+    floor
+        Never learnt below this.
     peak
         Largest healthy value, NaN where the test was not made.
     log
@@ -89,25 +93,29 @@ class Change:
         What became of it.
     why
         What its floor rests on, or why it is kept.
+    kind
+        What the key is to a verdict.
     power
-        Smallest fault found is proportional to value ** power; 0 for a noise level.
+        Smallest fault found is proportional to value ** power.
     """
 
     key: str
     default: float
     value: float
+    floor: float
     peak: float
     log: str
     flights: int
     seconds: float
     outcome: Outcome
     why: str
+    kind: Kind = Kind.STATISTIC
     power: float = 1.0
 
     @property
     def fault_growth(self) -> float:
         """Smallest fault found over that with the default: above 1 is less sensitive."""
-        return (self.value / self.default) ** self.power
+        return math.pow(self.value / self.default, self.power)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +143,12 @@ class Learnt:
 
 
 def learn(
-    flights: Sequence[Flight], settings: Settings, airframe: str = "", extra: Sequence[Change] = ()
+    flights: Sequence[Flight],
+    settings: Settings,
+    airframe: str = "",
+    levels: Sequence[Change] = (),
+    *,
+    measured: Settings | None = None,
 ) -> Learnt:
     """Thresholds from the peaks of healthy flights.
 
@@ -144,14 +157,16 @@ def learn(
     Parameters
     ----------
     flights
-        All measured with these very settings. That they are healthy is for the caller to say
+        All measured with one configuration. That they are healthy is for the caller to say
         (:func:`check_healthy`).
     settings
-        What the flights were measured with.
+        What is learnt over: its values are the defaults.
     airframe
         Name to remember.
-    extra
-        Changes that were made before the flights were measured (noise levels).
+    levels
+        Noise levels that were raised before, hence are in ``settings`` already.
+    measured
+        What the flights were measured with; None: ``settings``.
 
     Raises
     ------
@@ -162,16 +177,16 @@ def learn(
     ValueError
         A flight was measured with other settings.
     """
-    if any(f.settings != settings for f in flights):
+    if any(f.settings != (measured or settings) for f in flights):
         raise ValueError("a flight was measured with other settings: its peaks do not compare")
-    _check_enough(flights)
-    changes = [*extra, *(_change(rule, flights, settings) for rule in RULES)]
+    check_enough(flights)
+    changes = [*levels, *(_change(rule, flights, settings) for rule in RULES)]
     used = {r.quantity for r in RULES if _seconds(flights, r.quantity) >= LEAST_S}
     hours = min(_seconds(flights, quantity) for quantity in used) / 3600.0
     made = [c for c in changes if c.value != c.default]
     provenance = LearntSettings(
         airframe=airframe,
-        vehicle=next((f.vehicle_words for f in flights if f.vehicle), ""),
+        vehicle=next((vehicle_words(f.vehicle) for f in flights if f.vehicle), ""),
         hours=round(hours, 3),
         keys=tuple(c.key for c in made),
         logs=tuple(
@@ -202,13 +217,14 @@ def raised_levels(flights: Sequence[Flight], settings: Settings) -> list[Change]
                 key=level.key,
                 default=default,
                 value=_up(value),
+                floor=default,
                 peak=value,
                 log=where.name,
                 flights=len(seen),
                 seconds=sum(f.seconds for _, f in seen),
                 outcome=Outcome.RAISED,
-                why="a noise level: it is only ever raised",
-                power=0.0,
+                why="below it the model's own errors count, not noise",
+                kind=Kind.LEVEL,
             )
         )
     return out
@@ -221,7 +237,8 @@ def widened(settings: Settings) -> Settings:
     at which they would have been taken for a fault.
     """
     return with_keys(
-        settings, {r.key: CEILING * default_of(settings, r.key) for r in RULES if r.learnt}
+        settings,
+        {r.key: CEILING * default_of(settings, r.key) for r in RULES if r.kind is not Kind.SIZE},
     )
 
 
@@ -239,9 +256,36 @@ def check_alike(flights: Sequence[Flight]) -> None:
                 raise Unfit(f"{a.name} and {b.name} are the same flight: give it once")
             if a.vehicle is not None and b.vehicle is not None and a.vehicle != b.vehicle:
                 raise Unfit(
-                    f"{a.name} ({a.vehicle_words}) and {b.name} ({b.vehicle_words}) are of "
-                    "different vehicles: thresholds belong to one airframe"
+                    f"{a.name} ({vehicle_words(a.vehicle)}) and {b.name} "
+                    f"({vehicle_words(b.vehicle)}) are of different vehicles: thresholds belong "
+                    "to one airframe"
                 )
+
+
+def check_enough(flights: Sequence[Flight]) -> None:
+    """There is enough to learn anything from.
+
+    Raises
+    ------
+    TooLittle
+        Fewer than :data:`LEAST_FLIGHTS`, or no kind of sensor was judged for :data:`LEAST_S`.
+    """
+    quantities = dict.fromkeys(r.quantity for r in RULES)
+    if len(flights) >= LEAST_FLIGHTS and any(_seconds(flights, q) >= LEAST_S for q in quantities):
+        return
+    need = (
+        f"thresholds need {LEAST_FLIGHTS} healthy flights and {LEAST_S / 60.0:.0f} judged minutes "
+        "of each sensor"
+    )
+    judged = []
+    for quantity in quantities:
+        total = _per_sensor(flights, quantity)
+        if total:
+            sensor = min(total, key=lambda s: total[s])
+            judged.append(f"{total[sensor] / 60.0:.1f} min of {sensor}")
+    said = " and ".join(judged) if judged else "no sensor"
+    many = "this flight" if len(flights) == 1 else f"these {len(flights)} flights"
+    raise TooLittle(f"{need}; {many} judged {said}")
 
 
 def check_healthy(flights: Iterable[Flight], hint: str = "") -> None:
@@ -290,25 +334,6 @@ def _per_sensor(flights: Sequence[Flight], quantity: str) -> dict[str, float]:
     return total
 
 
-def _check_enough(flights: Sequence[Flight]) -> None:
-    quantities = dict.fromkeys(r.quantity for r in RULES)
-    if len(flights) >= LEAST_FLIGHTS and any(_seconds(flights, q) >= LEAST_S for q in quantities):
-        return
-    need = (
-        f"thresholds need {LEAST_FLIGHTS} healthy flights and {LEAST_S / 60.0:.0f} judged minutes "
-        "of each sensor"
-    )
-    judged = []
-    for quantity in quantities:
-        total = _per_sensor(flights, quantity)
-        if total:
-            sensor = min(total, key=lambda s: total[s])
-            judged.append(f"{total[sensor] / 60.0:.1f} min of {sensor}")
-    said = " and ".join(judged) if judged else "no sensor"
-    many = "this flight" if len(flights) == 1 else f"these {len(flights)} flights"
-    raise TooLittle(f"{need}; {many} judged {said}")
-
-
 def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change:
     """What becomes of one key."""
     default = default_of(settings, rule.key)
@@ -322,20 +347,32 @@ def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change
     peak, log = math.nan, ""
     if made:
         loudest = max(made, key=lambda f: f.peaks[rule.key])
-        peak, log = loudest.peaks[rule.key], loudest.name
+        peak = loudest.peaks[rule.key]
+        log = loudest.name if peak > 0.0 else ""
     if not made or seconds < LEAST_S:
         value, outcome = default, Outcome.KEPT_UNSEEN
-    elif not rule.learnt:
+    elif rule.kind is Kind.SIZE:
         value, outcome = default, Outcome.KEPT_SIZE
     else:
         value, outcome = _threshold(rule, default, peak, len(made), seconds)
     if value > CEILING * default:
         raise Unfit(
             f"{rule.key} would have to be {value:.3g}, {value / default:.1f} times its default, "
-            f"for {log} to be healthy: look at that flight again"
+            f"for {log} to be a healthy flight: leave it out"
         )
     return Change(
-        rule.key, default, value, peak, log, len(made), seconds, outcome, rule.why, rule.power
+        key=rule.key,
+        default=default,
+        value=value,
+        floor=_floor(rule, default),
+        peak=peak,
+        log=log,
+        flights=len(made),
+        seconds=seconds,
+        outcome=outcome,
+        why=rule.why,
+        kind=rule.kind,
+        power=rule.power,
     )
 
 
@@ -345,12 +382,16 @@ def _threshold(
     wanted = _up(FACTOR * peak)
     if wanted >= default:
         return wanted, Outcome.RAISED if wanted > default else Outcome.KEPT_FLOOR
-    floor = default if rule.floor is None else min(rule.floor, default)
+    floor = _floor(rule, default)
     if floor == default:
         return default, Outcome.KEPT_FLOOR
     if flights < LOWER_FLIGHTS or seconds < LOWER_S:
         return default, Outcome.KEPT_DATA
     return (wanted, Outcome.LOWERED) if wanted > floor else (floor, Outcome.FLOOR)
+
+
+def _floor(rule: Rule, default: float) -> float:
+    return default if rule.floor is None else min(rule.floor, default)
 
 
 def _up(value: float) -> float:

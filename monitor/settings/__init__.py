@@ -26,7 +26,7 @@ from monitor.settings.recorder import RecorderSettings
 from monitor.settings.streams import StreamSettings
 from monitor.settings.triplex import TriplexSettings
 
-__all__ = ["DEFAULT_PROFILE", "PROFILES", "Settings", "SettingsError", "load", "origins"]
+__all__ = ["DEFAULT_PROFILE", "PROFILES", "Settings", "SettingsError", "by_hand", "load", "origins"]
 
 PROFILES = ("small-uav", "light-aircraft", "transport")
 """Bundled airframe classes; the first is the default."""
@@ -67,7 +67,31 @@ def load(profile: str | None = None, file: Path | None = None) -> Settings:
     SettingsError
         File unreadable, not TOML, an unknown key or profile, or a value out of its range.
     """
+    return _validated(_read(file) if file is not None else {}, profile, file)
+
+
+def by_hand(profile: str | None, file: Path | None) -> tuple[Settings, dict[str, Any]]:
+    """The same without what was learnt, and the tables that the file sets by hand.
+
+    What `mavsentry learn` starts from: keys that it wrote into the file before are learnt anew.
+
+    Raises
+    ------
+    SettingsError
+        As of :func:`load`.
+    """
+    settings = load(profile, file)
     own = _read(file) if file is not None else {}
+    learnt = settings.learnt.keys
+    tables = {
+        table: {k: v for k, v in values.items() if f"{table}.{k}" not in learnt}
+        for table, values in own.items()
+        if isinstance(values, Mapping) and table != "learnt"
+    }
+    return _validated(tables, settings.profile, file), {t: v for t, v in tables.items() if v}
+
+
+def _validated(own: Mapping[str, Any], profile: str | None, file: Path | None) -> Settings:
     name = profile or own.get("profile", DEFAULT_PROFILE)
     if name not in PROFILES:
         raise SettingsError(f"there is no profile {name!r}; choose one of {', '.join(PROFILES)}")

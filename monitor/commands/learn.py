@@ -1,0 +1,126 @@
+"""``mavsentry learn``: what an airframe's own healthy flights say about it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from monitor.commands.common import ConfigFile, Profile, Refused, console, note, progress
+
+if TYPE_CHECKING:
+    from monitor.learn import Change, Flight, Learnt
+    from monitor.settings import Settings
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Learn settings from healthy flights.", no_args_is_help=True)
+
+
+@app.callback()
+def _group() -> None:
+    """Learn settings from healthy flights."""
+
+
+@app.command()
+def thresholds(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Healthy flights of one airframe.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE.toml", help="File to write.")],
+    profile: Profile = None,
+    config: ConfigFile = None,
+    airframe: Annotated[str, typer.Option(metavar="NAME", help="Whose thresholds these are.")] = "",
+    assert_healthy: Annotated[
+        bool,
+        typer.Option(
+            "--assert-healthy",
+            help="The flights are healthy, whatever the thresholds in force say of them.",
+        ),
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Fit thresholds to an airframe from its healthy flights.
+
+    Needs 3 flights and 10 judged minutes of each sensor; lowers a threshold only on 5 flights and
+    an hour. Example: mavsentry learn thresholds healthy/*.tlog --out ranger.toml --airframe ranger
+    """
+    from estimators.jit import is_cold
+    from links.logs import LogError
+    from monitor.learn import Unfit, calibrate, document
+    from monitor.learn.runs import measure_logs
+    from monitor.settings import SettingsError, by_hand
+    from monitor.warmup import COMPILING
+
+    try:
+        settings, hand = by_hand(profile, config)
+    except SettingsError as error:
+        raise Refused(str(error)) from None
+    if out.exists() and not force:
+        raise Refused(f"{out} is there already; --force overwrites it")
+    if is_cold():
+        note(COMPILING)
+
+    def measure(tried: Settings, doing: str) -> list[Flight]:
+        with progress(doing) as tell:
+            return measure_logs(logs, tried, tell)
+
+    try:
+        learnt = calibrate(measure, settings, airframe, assert_healthy=assert_healthy)
+    except (Unfit, LogError) as error:
+        raise Refused(str(error)) from None
+    try:
+        out.write_text(document(learnt, hand), encoding="utf-8")
+    except OSError as error:
+        raise Refused(f"cannot write {out}: {error.strerror}") from None
+    _show(learnt, len(logs), out)
+
+
+def _show(learnt: Learnt, flights: int, out: Path) -> None:
+    """What was learnt as a table, what it rests on, what it promises."""
+    from rich.table import Table
+
+    screen = console()
+    table = Table()
+    table.add_column("key", no_wrap=True)
+    for column in ("default", "learnt", "healthy max"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("from")
+    table.add_column("so")
+    for change in learnt.changes:
+        moved = change.value != change.default
+        table.add_row(
+            change.key,
+            f"{change.default:g}",
+            f"{change.value:g}" if moved else "",
+            "" if math.isnan(change.peak) else f"{change.peak:.3g}",
+            change.log,
+            _effect(change),
+        )
+    screen.print(table)
+    screen.print(
+        f"{flights} flights, {learnt.hours:.2f} h judged, nothing found in them with these "
+        f"thresholds. If the flights to come are like them, false alarms are at most "
+        f"{3.0 / learnt.hours:.2g} an hour (95 %: 3 / {learnt.hours:.2f} h).",
+        soft_wrap=True,
+    )
+    screen.print(f"wrote {out}: use it with --config {out}", soft_wrap=True)
+
+
+def _effect(change: Change) -> str:
+    """What a change does to the monitor, in a few words."""
+    from monitor.learn.rules import Kind
+
+    outcome = change.outcome.value
+    if change.value == change.default:
+        return outcome
+    if change.kind is Kind.LEVEL:
+        return f"{outcome}: the aircraft is noisier"
+    if change.kind is Kind.REFERENCE:
+        return f"{outcome}: a worse reference is believed"
+    percent = round(100.0 * (change.fault_growth - 1.0))
+    if percent == 0:
+        return outcome
+    return f"{outcome}: finds faults {abs(percent)} % {'larger' if percent > 0 else 'smaller'}"

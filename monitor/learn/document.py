@@ -1,0 +1,98 @@
+"""Learnt thresholds as a file that ``--config`` takes, each key with what it rests on."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from monitor.learn.rules import Kind
+from monitor.learn.thresholds import FACTOR, Change, Learnt, Outcome
+from monitor.settings.toml import toml_value
+
+__all__ = ["change_sentence", "document"]
+
+WIDTH = 96
+
+_HEAD = """\
+# Thresholds{airframe}, learnt from {flights} healthy flights by `mavsentry learn thresholds`.
+# Use: mavsentry run --config FILE, mavsentry analyze LOG --config FILE. Keys that are commented out
+# stay at their default. `mavsentry config show --config FILE` tells what is in force.
+profile = "{profile}"
+"""
+
+
+def document(learnt: Learnt, by_hand: Mapping[str, Any]) -> str:
+    """The file as TOML.
+
+    Parameters
+    ----------
+    learnt
+        What was learnt.
+    by_hand
+        Tables of the file that it was learnt over, if there was one: they are carried along.
+    """
+    provenance = learnt.settings.learnt
+    airframe = f" of {provenance.airframe}" if provenance.airframe else ""
+    head = _HEAD.format(
+        airframe=airframe, flights=len(provenance.logs), profile=learnt.settings.profile
+    )
+    sections: dict[str, Mapping[str, Any]] = dict(by_hand)
+    for change in learnt.changes:
+        sections.setdefault(change.key.partition(".")[0], {})
+    body = [_section(table, own, learnt) for table, own in sections.items()]
+    return "\n".join([head, *body, _provenance(learnt)])
+
+
+def change_sentence(change: Change) -> str:
+    """What a key rests on, in one or two sentences."""
+    c = change
+    said = f"{c.outcome.value[0].upper()}{c.outcome.value[1:]}"
+    if not math.isnan(c.peak):
+        of = f" ({c.log})" if c.log else ""
+        moved = c.outcome in (Outcome.RAISED, Outcome.LOWERED) and c.kind is not Kind.LEVEL
+        times = f" times {FACTOR}" if moved else ""
+        said += f": healthy maximum {c.peak:.3g}{of}{times}"
+        said += f", {c.flights} flights, {c.seconds / 3600.0:.2f} h judged"
+    default = "the default" if c.floor == c.default else f"{c.floor:g}"
+    return f"{said}. Default {c.default:g}. Floor {default}: {c.why}."
+
+
+def _section(table: str, by_hand: Mapping[str, Any], learnt: Learnt) -> str:
+    """One table: keys set by hand, keys learnt, and in comments those kept."""
+    own = {c.key.partition(".")[2]: c for c in learnt.changes if c.key.partition(".")[0] == table}
+    plain = {k: v for k, v in by_hand.items() if not isinstance(v, Mapping) and k not in own}
+    lines = [f"[{table}]"]
+    lines += [f"{key} = {toml_value(value)}" for key, value in plain.items()]
+    for name, change in own.items():
+        lines += textwrap.wrap(
+            change_sentence(change), WIDTH, initial_indent="# ", subsequent_indent="# "
+        )
+        in_force = change.value != change.default or name in by_hand
+        lines.append(f"{'' if in_force else '# '}{name} = {change.value!r}")
+    for key, value in by_hand.items():
+        if isinstance(value, Mapping):
+            lines += ["", f"[{table}.{key}]"]
+            lines += [f"{toml_value(k)} = {toml_value(v)}" for k, v in value.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _provenance(learnt: Learnt) -> str:
+    """The ``[learnt]`` table."""
+    p = learnt.settings.learnt
+    return "\n".join(_provenance_lines(p.model_dump()))
+
+
+def _provenance_lines(values: Mapping[str, Any]) -> Iterator[str]:
+    yield "# Where this comes from: `analyze` says so when it meets one of these very flights."
+    yield "[learnt]"
+    for key, value in values.items():
+        if key != "logs":
+            yield f"{key} = {toml_value(value)}"
+    for log in values["logs"]:
+        yield ""
+        yield "[[learnt.logs]]"
+        for key, value in log.items():
+            yield f"{key} = {toml_value(value)}"
+    yield ""
