@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from monitor.commands.common import ConfigFile, Profile, Refused, load_settings
-from monitor.settings.toml import toml_value
+from monitor.toml import toml_value
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -9,7 +9,7 @@ from typing import Any
 
 from monitor.learn.rules import Kind
 from monitor.learn.thresholds import FACTOR, Change, Learnt, Outcome
-from monitor.settings.toml import toml_value
+from monitor.toml import toml_value
 
 __all__ = ["change_sentence", "document"]
 
