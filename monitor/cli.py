@@ -18,6 +18,7 @@ from monitor.commands import (
     config,
     demo,
     feed,
+    inject,
     learn,
     replay,
     run,
@@ -45,6 +46,7 @@ app = typer.Typer(
 app.command("run")(run.run)
 app.command("analyze")(analyze.analyze)
 app.command("feed")(feed.feed)
+app.command("inject")(inject.inject)
 app.command("replay")(replay.replay)
 app.command("bench")(bench.bench)
 app.command("selftest")(selftest.selftest)

@@ -100,7 +100,7 @@ def blank_rows(entry: Entry, payload: Rows) -> None:
 def _put(fill: Fill, payload: Rows, new: NDArray[Any], differs: Mask, put: Put) -> None:
     if fill.compute is not None:
         if fill.invert is not None:
-            at = differs if differs.ndim == 1 else differs.any(axis=1)
+            at = np.asarray(differs if differs.ndim == 1 else differs.any(axis=1))
             for name, value in fill.invert(payload, new).items():
                 _write(payload, name, value, at, put)
     elif len(fill.fields) == 1:
