@@ -53,17 +53,18 @@ def inject(
         ),
     ] = False,
 ) -> None:
-    r"""Write a recorded flight anew as if some of its sensors had been broken.
+    """Write a recorded flight anew as if some of its sensors had been broken.
 
     The aircraft flies as it flew: nothing steers on the faulty readings. The fields of the
     sensors' messages are changed; every other byte, and the times, stay.
 
+    For example:
+
     \b
-    Example:
       mavsentry inject --example > faults.toml
       mavsentry inject flight.tlog faults.toml --to broken.tlog
       mavsentry analyze broken.tlog
-    """
+    """  # noqa: D301 - the help needs the control character
     settings = load_settings(None, config)
     _check_output(log, to)
     injection = _injection(faults)
