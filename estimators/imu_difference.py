@@ -11,9 +11,11 @@ d          difference of two IMUs' means over one interval                 (6,) 
 b          its baseline over the last minute (turn-on biases)              (6,)    SI
 v          variance of d from interval to interval, half the mean square   (6,)    SI^2
            of its first difference
-m_n        mean of d - b over the last n intervals                         (6,)    SI
-s_n        its standard deviation, ``sqrt(max(v / n, r a / n, M_n) +      (6,)    SI
-           s_0^2 + (k |u|)^2)``
+m_n        mean of d - b over the last n intervals; n = 3: their median    (6,)    SI
+e          scatter of d about now: median of the last second differences,  (6,)    SI
+           as a standard deviation
+s_n        standard deviation of m_n, ``sqrt(max(v, r a, e^2) / n,        (6,)    SI
+           M_n) + s_0^2 + (k |u|)^2)``
 M_n        mean square of m_n over the last minute                         (6,)    SI^2
 a          variance of d if all that the samples alias showed in it        (6,)    SI^2
 r          share of a that does show, learnt                               (6,)    1
@@ -23,7 +25,9 @@ h          mean square second difference of an IMU's samples over 2 s      (6,) 
 =========  ==============================================================  ======  ==========
 
 Three lags see an abrupt fault at once and a small one later. The threshold grows with the noise of
-the differences themselves, so that turbulence that the samples alias does not look like a fault.
+the differences themselves, so that turbulence that the samples alias does not look like a fault:
+a single wild interval moves neither a median of three nor the median scatter, a burst of them moves
+the scatter, and a step, however large, moves it not.
 """
 
 from __future__ import annotations
@@ -54,8 +58,14 @@ Ints = NDArray[np.int64]
 EDGES = 16
 """Edges of the grid kept per IMU."""
 
-LAGS = (1, 5, 15)
-"""Intervals over which differences are averaged."""
+LAGS = (3, 5, 15)
+"""Intervals over which differences are averaged; of the first, the median is taken."""
+MEDIAN_VARIANCE = 1.35
+"""Variance of the median of three over that of their mean."""
+SCATTER_BINS = 9
+"""Intervals whose second differences tell the scatter about now, at least."""
+SCATTER_SIGMA = 1.652
+"""Median size of a second difference of white noise, in its standard deviations."""
 
 D_BASE, D_VAR, D_LAST, D_COUNT, D_PEAK, D_HOLD = 0, 1, 2, 3, 4, 5
 D_Z, D_MEAN, D_MS, D_ALIAS, D_RING, D_BEFORE = 6, 9, 12, 15, 16, 31
@@ -201,6 +211,30 @@ def close_bins(
 
 
 @kernel
+def _median_of_three(s: Array, c: int, count: int) -> float:
+    """Median of the last three intervals of an axis; of fewer, the last."""
+    a = s[D_RING + count % 15, c]
+    if count < 2:
+        return float(a)
+    b, d = s[D_RING + (count - 1) % 15, c], s[D_RING + (count - 2) % 15, c]
+    return float(max(min(a, b), min(max(a, b), d)))
+
+
+@kernel
+def _scatter(s: Array, c: int, count: int, bins: int) -> float:
+    """Scatter of an axis over its last intervals: no step and no ramp shows in it."""
+    n = min(bins, count + 1) - 2
+    if n < 3:
+        return 0.0
+    bend = np.empty(n)
+    for q in range(n):
+        newest, middle = s[D_RING + (count - q) % 15, c], s[D_RING + (count - q - 1) % 15, c]
+        bend[q] = abs(newest - 2.0 * middle + s[D_RING + (count - q - 2) % 15, c])
+    bend.sort()
+    return float(0.5 * (bend[(n - 1) // 2] + bend[n // 2]) / SCATTER_SIGMA)
+
+
+@kernel
 def _compare(s: Array, d: Array, var: Array, acc: float, gyro: float, tick_s: float) -> bool:
     """Use one difference of a pair; say whether any statistic is beyond 2.5."""
     count = s[D_COUNT, 0]
@@ -227,18 +261,27 @@ def _compare(s: Array, d: Array, var: Array, acc: float, gyro: float, tick_s: fl
         worst = 0.0
         for lag in range(3):
             n = min(LAGS[lag], int(count) + 1)
-            m = 0.0
-            for q in range(n):
-                m += s[D_RING + (int(count) - q) % 15, c]
-            m = m / n - s[D_BASE, c]
-            v = max(v_now / n, s[D_MS + lag, c])
-            std = math.sqrt(v + floor * floor + (CALIBRATION * peak) ** 2)
+            if lag == 0:
+                m = _median_of_three(s, c, int(count)) - s[D_BASE, c]
+                share = MEDIAN_VARIANCE / n if n == 3 else 1.0
+            else:
+                m = 0.0
+                for q in range(n):
+                    m += s[D_RING + (int(count) - q) % 15, c]
+                m = m / n - s[D_BASE, c]
+                share = 1.0 / n
+            v = max(v_now * share, s[D_MS + lag, c])
+            wander = floor * floor + (CALIBRATION * peak) ** 2
+            if abs(m) > QUIET_SIGMA * math.sqrt(v + wander):
+                v = max(v, share * _scatter(s, c, int(count), max(n, SCATTER_BINS)) ** 2)
+            std = math.sqrt(v + wander)
             s[D_MEAN + lag, c] = m
             s[D_Z + lag, c] = m / std
             worst = max(worst, abs(m / std))
             if count > 25.0 and s[D_HOLD, c] == 0.0:
                 usual = min(m * m, 9.0 * std * std)
-                slow = tick_s / BASELINE_S * (SLOWER if abs(m) > QUIET_SIGMA * std else 1.0)
+                slow = max(1.0 / count, tick_s / BASELINE_S)
+                slow *= SLOWER if abs(m) > QUIET_SIGMA * std else 1.0
                 s[D_MS + lag, c] += slow * (usual - s[D_MS + lag, c])
         if s[D_HOLD, c] == 0.0:
             gain = max(1.0 / (count + 1.0), tick_s / BASELINE_S)

@@ -1,8 +1,9 @@
 """Changes of state as short texts for a pilot's screen: worded, rate-limited, folded.
 
 A STATUSTEXT has fifty characters and a ground station shows (and speaks) every one, so a change
-that a pilot cannot use is not announced (suspicion, learning), and changes that come faster than
-the rate allows are folded: one text names several sensors, and of one sensor only the newest state.
+that a pilot cannot use is not announced (suspicion of one sensor, learning), and changes that come
+faster than the rate allows are folded: one text names several sensors, and of one sensor only the
+newest state.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass
 from math import degrees, isfinite
 
-from links.vocabulary import GYRO_ACC_AXES, Kind, State
+from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
 from monitor.verdict import Verdict
 
 __all__ = ["TEXT_MAX", "Announcer", "Text", "size_phrase", "wording"]
@@ -21,6 +22,7 @@ TEXT_MAX = 50
 
 _SEVERITY = {
     State.FAULTY: 2,
+    State.SUSPECT: 4,
     State.STALE: 4,
     State.UNMONITORED: 5,
     State.ABSENT: 5,
@@ -118,6 +120,15 @@ def _folded(state: State, sensors: list[str]) -> str:
     return text
 
 
+def _disagreement(sensors: list[str]) -> str:
+    """``"imu0/imu1 gyro_x disagree"``: sensors that contradict each other, none told wrong yet."""
+    groups = dict.fromkeys(s.partition(".")[0] for s in sorted(sensors))
+    axes = dict.fromkeys(s.partition(".")[2] for s in sorted(sensors))
+    text = "/".join(groups)
+    named = " ".join((text, *filter(None, axes))) + " disagree"
+    return named if len(named) <= TEXT_MAX else f"{text} disagree on {len(axes)} axes"[:TEXT_MAX]
+
+
 class Announcer:
     """Chooses which changes are said, and when.
 
@@ -161,7 +172,7 @@ class Announcer:
         if verdict.state in _ALARMS:
             return verdict.state != said
         if verdict.state is State.SUSPECT:
-            return False
+            return verdict.reason is Reason.SENSORS_DISAGREE and verdict.state != said
         if verdict.state is State.OK:
             return said is None or said is not State.OK
         return said in _ALARMS
@@ -174,11 +185,12 @@ class Announcer:
         # While the tokens suffice each fault is said in full: its size is worth a text.
         if state is State.FAULTY and len(self._waiting) <= self._tokens:
             same = [gravest.sensor]
-        text = (
-            wording(self._waiting[same[0]], t_us)
-            if len(same) == 1
-            else _folded(state, sorted(same))
-        )
+        if state is State.SUSPECT:
+            text = _disagreement(same)
+        elif len(same) == 1:
+            text = wording(self._waiting[same[0]], t_us)
+        else:
+            text = _folded(state, sorted(same))
         for sensor in same:
             del self._waiting[sensor]
             self._said[sensor] = state

@@ -22,7 +22,8 @@ def faults(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
     """Faults in order of detection, each from ``faulty`` to the next ``ok``.
 
     A sensor that goes stale or cannot be judged while it is faulty stays so: its fault is cleared
-    by an ``ok`` alone.
+    by an ``ok`` alone. It is *detected* when something was said to be wrong and *isolated* when
+    this sensor was named; most faults are both at once.
 
     Parameters
     ----------
@@ -95,13 +96,16 @@ def rejected(pipeline: Pipeline) -> dict[str, dict[str, int]]:
 
 def _fault(v: Verdict, first_us: int) -> dict[str, Any]:
     onset_us = v.t_us if v.onset_t_us is None else v.onset_t_us
+    detected_us = v.t_us if v.detected_t_us is None else v.detected_t_us
     return {
         "sensor": v.sensor,
         "onset_s": _seconds(onset_us, first_us),
-        "detected_s": _seconds(v.t_us, first_us),
+        "detected_s": _seconds(detected_us, first_us),
+        "isolated_s": _seconds(v.t_us, first_us),
         "cleared_s": None,
         "onset_t_us": onset_us,
-        "detected_t_us": v.t_us,
+        "detected_t_us": detected_us,
+        "isolated_t_us": v.t_us,
         "kind": str(v.kind),
         "magnitude": _finite(v.magnitude),
         "unit": v.unit,

@@ -26,7 +26,7 @@ class Verdict:
     Attributes
     ----------
     t_us
-        Vehicle time at which the state was decided (for a fault: detection) [us].
+        Vehicle time at which the state was decided (for a fault: when this sensor was named) [us].
     sensor
         ``"imu0.acc_x"``, ``"airspeed1"``, ``"aoa0"`` ... (DESIGN section 3).
     state
@@ -46,6 +46,9 @@ class Verdict:
         Module of ``estimators`` that decided.
     evidence
         One sentence that a pilot understands.
+    detected_t_us
+        When it was first said that something is wrong, if that was earlier: two sensors disagreed,
+        and it took until ``t_us`` to tell which of them is at fault [us]. None: at ``t_us``.
     """
 
     t_us: int
@@ -60,6 +63,7 @@ class Verdict:
     threshold: float = nan
     estimator: str = ""
     evidence: str = ""
+    detected_t_us: int | None = None
 
 
 AIR_ESTIMATE = np.dtype(

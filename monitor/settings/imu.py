@@ -105,7 +105,9 @@ class ImuSettings(Section):
     )
     confirm_s: PositiveFloat = Field(0.4, description="A test must hold this long: two GPS fixes.")
     undecided_s: PositiveFloat = Field(
-        1.0, description="Disagreement that cannot be decided is reported after this time."
+        15.0,
+        description="Two IMUs that disagree are both suspect; without a verdict on one of them "
+        "after this time they are unmonitored, as no reference tells.",
     )
     clear_s: PositiveFloat = Field(
         8.0, description="Agreement must last this long before an axis is re-admitted."

@@ -5,9 +5,9 @@ Three kinds of evidence, in this order:
 1. what needs no reference (:mod:`~monitor.watch.imu_bare`): an IMU that reads zero, a value that
    stands still, an axis much noisier than its peers;
 2. with two or more IMUs, their differences (:mod:`~monitor.watch.imu_pairs`) detect and name the
-   axis; a vote (three IMUs) or the inertial filters (two) say whose it is, and while they cannot
-   the axis is unmonitored, *sensors disagree*. A contradiction that all IMUs share is the
-   reference's fault;
+   axis; a vote (three IMUs) or the inertial filters (two) say whose it is. Until they do, both are
+   suspect, *sensors disagree*; after a while without an answer, unmonitored. A contradiction that
+   all IMUs share is the reference's fault;
 3. a lone IMU (:mod:`~monitor.watch.imu_lone`) is tested by its own filters.
 """
 
@@ -24,7 +24,7 @@ from monitor.watch import imu_words as words
 from monitor.watch.imu_bare import BareTests
 from monitor.watch.imu_lone import LoneTest
 from monitor.watch.imu_pairs import PairTests
-from monitor.watch.imu_record import REFERENCE_GAP_S, Record
+from monitor.watch.imu_record import REFERENCE_GAP_S, US, Record
 
 __all__ = ["Judge"]
 
@@ -44,6 +44,7 @@ class Judge:
 
     def __init__(self, settings: ImuSettings, tuning: bank.Tuning, filters: bank.Bank) -> None:
         self._learn_s = settings.learn_s
+        self._undecided_us = round(settings.undecided_s * US)
         self._record = Record(settings, tuning, filters)
         self._bare = BareTests(self._record)
         self._pairs = PairTests(self._record)
@@ -134,9 +135,12 @@ class Judge:
         """State and reason of an axis without a called fault, and the evidence."""
         if reason is not Reason.ON_GROUND:
             for (p, q), pair in self._record.pairs_of(i):
-                if pair.undecided[k]:
-                    text = words.disagreement_sentence(p, q, k)
-                    return (State.UNMONITORED, Reason.SENSORS_DISAGREE), text
+                said_us = pair.said_us[k]
+                if said_us is not None:
+                    waits = self._record.t_us - said_us < self._undecided_us
+                    text = words.disagreement_sentence(p, q, k, undecided=not waits)
+                    state = State.SUSPECT if waits else State.UNMONITORED
+                    return (state, Reason.SENSORS_DISAGREE), text
         if reason is None:
             return (State.OK, None), ""
         text = words.contradiction_sentence() if reason is Reason.REFERENCE_NOT_TRUSTED else ""

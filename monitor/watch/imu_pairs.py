@@ -20,7 +20,7 @@ __all__ = ["PairTests"]
 
 ESTIMATOR = "estimators.ins_bank"
 SUSPICION_SIGMA = 3.5
-"""Differences beyond this start the window by which they will be judged."""
+"""A difference beyond this starts the window by which it will be judged."""
 MARK_S = 10.0
 """A difference that began and came to nothing within this time is forgotten."""
 RELEASE = 0.7
@@ -68,31 +68,40 @@ class PairTests:
         return not self.busy
 
     def _test(self, key: Key, pair: Pair) -> tuple[bool, list[int]]:
-        """Whether a difference has just begun, and the axes on which it is confirmed."""
+        """Whether a difference has just begun, and the axes on which it is confirmed.
+
+        One interval suffices to begin with: what the filters will be asked about starts there.
+        """
         r = self._record
         s = r.bank.pair[key]
         z = s[difference.D_Z : difference.D_Z + 3]
         m = s[difference.D_MEAN : difference.D_MEAN + 3]
         known = s[difference.D_COUNT, 0] >= 3
         loudest = np.abs(z).argmax(axis=0)
+        newest = s[difference.D_LAST] - s[difference.D_BASE]
+        alone = SUSPICION_SIGMA * np.sqrt(s[difference.D_VAR])
+        jumped = known & (np.abs(newest) > np.maximum(alone, 0.5 * r.size))
         fresh, alarmed = False, []
         for k in range(6):
             lag = int(loudest[k])
             sigma, size = abs(float(z[lag, k])), abs(float(m[lag, k]))
             owner = next((i for i in key if r.units[i].axes[k].faulty), None)
             if owner is not None:
-                self._follow_fault(key, owner, k, float(m[0, k]), float(m[1, k]))
+                self._follow_fault(key, owner, k, float(newest[k]), float(m[1, k]))
                 continue
             loud = bool(known and sigma > SUSPICION_SIGMA and size > 0.5 * r.size[k])
-            if loud and math.isnan(pair.onset_s[k]):
+            begun = loud or bool(jumped[k])
+            if begun and math.isnan(pair.onset_s[k]):
                 fresh = True
-                width = max(difference.LAGS[lag], 2) * r.tuning.tick_s
-                pair.onset_s[k] = r.now_s - width
+                ticks = 2 if jumped[k] else difference.LAGS[lag]
+                pair.onset_s[k] = r.now_s - ticks * r.tuning.tick_s
             alarm = loud and sigma > r.settings.difference_sigma and size > r.size[k]
             state = pair.latches[k].step(r.t_us, alarm, not loud)
             if state is LatchState.FAULTY:
                 alarmed.append(k)
-            elif state is LatchState.OK and not loud:
+                if pair.said_us[k] is None:
+                    pair.said_us[k] = r.t_us
+            elif state is LatchState.OK and not begun:
                 pair.forget(k)
         return fresh, alarmed
 
@@ -111,7 +120,8 @@ class PairTests:
             self._driven = None
         if self._driven is not None and len(whole) == 2:
             i, j = whole
-            d = r.bank.pair[i, j, difference.D_MEAN].copy()
+            s = r.bank.pair[i, j]
+            d = s[difference.D_LAST] - s[difference.D_BASE]
             bank.drive(r.bank, i, d - self._driven)
             bank.drive(r.bank, j, self._driven - d)
             self._driven = d
@@ -157,10 +167,6 @@ class PairTests:
             guilty, other = (i, j) if odds > 0 else (j, i)
             f = d if guilty == i else -d
             out += self._call(guilty, other, left, f, pair, (abs(odds), limit))
-        else:
-            wait = round((r.settings.undecided_s + r.settings.confirm_s) * US)
-            for k in left:
-                pair.undecided[k] = r.t_us - (pair.latches[k].since_us or 0) > wait
         return out
 
     def _present(self, key: Key, pair: Pair) -> Array:
@@ -174,7 +180,7 @@ class PairTests:
             bins = 1 if math.isnan(age_s) else int(age_s / r.tuning.tick_s) - 1
             rows = [(count - 1 - q) % 15 for q in range(min(max(bins, 1), 5, count))]
             ring = s[difference.D_RING : difference.D_RING + 15, k]
-            d[k] = ring[rows].mean() - s[difference.D_BASE, k]
+            d[k] = np.median(ring[rows]) - s[difference.D_BASE, k]
         return d
 
     def _odds(self, i: int, j: int, axes: list[int]) -> float:
@@ -216,6 +222,7 @@ class PairTests:
             onset_s = pair.onset_s[k]
             if math.isnan(onset_s):
                 onset_s = (pair.latches[k].since_us or r.t_us) / US
+            detected_us = pair.said_us[k]
             axis.latch.force(r.t_us, round(onset_s * US))
             axis.test = "difference"
             axis.base = r.slow_bias(imu, k)
@@ -236,7 +243,7 @@ class PairTests:
                     baro=r.has_baro,
                 )
             )
-            out.append(r.fault(imu, k, kind, onset_s, size, score, ESTIMATOR, text))
+            out.append(r.fault(imu, k, kind, onset_s, size, score, ESTIMATOR, text, detected_us))
             for (p, q), each in r.pairs_of(imu):
                 r.bank.pair[p, q, difference.D_HOLD, k] = 1.0
                 each.forget(k)

@@ -25,8 +25,11 @@ US = 1_000_000
 
 GRACE_S = 0.3
 """A test may fail for one tick without the confirmation starting again."""
+JITTER = 0.25
+"""Share of a tick that the confirmation forgives."""
 BRIEF_S = 1.0
-"""A difference that has been quiet for this long is not judged any more."""
+"""A difference that has been quiet for this long is not judged any more. It is confirmed in half
+the time: no fix of the receiver takes part in it, and a median has waited already."""
 REFERENCE_GAP_S = 1.5
 """A reference older than this is missing: GPS at 1 Hz is the slowest in use."""
 TRACK_STD = np.array([0.1, 0.1, 0.1, 0.003, 0.003, 0.003])
@@ -73,16 +76,16 @@ class Unit:
 
 @dataclass(slots=True)
 class Pair:
-    """Two IMUs that are compared: per axis the test, whether nobody can tell, when it began."""
+    """Two IMUs that are compared: per axis the test, when they began to differ and were said to."""
 
     latches: list[Latch]
-    undecided: list[bool] = field(default_factory=lambda: [False] * 6)
+    said_us: list[int | None] = field(default_factory=lambda: [None] * 6)
     onset_s: list[float] = field(default_factory=lambda: [math.nan] * 6)
 
     def forget(self, k: int) -> None:
         """Start anew on an axis."""
         self.latches[k].reset()
-        self.undecided[k] = False
+        self.said_us[k] = None
         self.onset_s[k] = math.nan
 
 
@@ -102,9 +105,13 @@ class Record:
         self.tuning = tuning
         self.bank = filters
         self.size = np.array([settings.acc_size_m_s2] * 3 + [settings.gyro_size_rad_s] * 3)
-        confirm, grace = round(settings.confirm_s * US), round(GRACE_S * US)
+        # A tick closes with the first sample after its edge: later now, sooner then.
+        jitter_s = JITTER * tuning.tick_s
+        confirm = round((settings.confirm_s - jitter_s) * US)
+        shortly = round((0.5 * settings.confirm_s - jitter_s) * US)
+        grace = round(GRACE_S * US)
         rule = LatchRule(confirm, round(settings.clear_s * US), grace)
-        brief = LatchRule(confirm, round(BRIEF_S * US), grace)
+        brief = LatchRule(shortly, round(BRIEF_S * US), grace)
         n = bank.MAX_IMUS
         self.units = [Unit([Axis(Latch(rule)) for _ in range(6)]) for _ in range(n)]
         self.pairs = {
@@ -148,6 +155,7 @@ class Record:
         score: tuple[float, float],
         estimator: str,
         evidence: str,
+        detected_us: int | None = None,
     ) -> Verdict:
         """The verdict on a fault that has just been called; ``score`` is statistic, threshold."""
         self.units[imu].axes[k].said = (State.FAULTY, None)
@@ -156,13 +164,14 @@ class Record:
             sensor=words.axis_name(imu, k),
             state=State.FAULTY,
             kind=kind,
-            onset_t_us=min(round(onset_s * US), self.t_us),
+            onset_t_us=min(round(onset_s * US), detected_us or self.t_us),
             magnitude=float(size),
             unit=words.unit_of(k),
             statistic=float(score[0]),
             threshold=float(score[1]),
             estimator=estimator,
             evidence=evidence,
+            detected_t_us=None if detected_us == self.t_us else detected_us,
         )
 
     def fold(self, c: int, w: int, axes: list[int], prior: Array, prior_std: Array) -> None:

@@ -98,12 +98,10 @@ def lone_sentence(
     return text if rival is None else f"{text} (or its pair {GYRO_ACC_AXES[rival]})"
 
 
-def disagreement_sentence(imu: int, other: int, axis: int) -> str:
-    """Two IMUs differ and nothing tells which is wrong."""
-    return (
-        f"imu{imu} and imu{other} disagree on {GYRO_ACC_AXES[axis]}; no reference tells which is "
-        "wrong"
-    )
+def disagreement_sentence(imu: int, other: int, axis: int, *, undecided: bool) -> str:
+    """Two IMUs differ and it is not known yet, or cannot be known, which is wrong."""
+    rest = "no reference tells which is wrong" if undecided else "which is wrong is being settled"
+    return f"imu{imu} and imu{other} disagree on {GYRO_ACC_AXES[axis]}; {rest}"
 
 
 def contradiction_sentence() -> str:

@@ -115,6 +115,39 @@ def test_suspicion_and_learning_are_not_announced():
     assert not announcer.due(0, 0)
 
 
+def disagree(*sensors: str) -> list[Verdict]:
+    return [Verdict(0, s, State.SUSPECT, Reason.SENSORS_DISAGREE) for s in sensors]
+
+
+@pytest.mark.parametrize(
+    ("axes", "text"),
+    [
+        (["gyro_x"], "imu0/imu1 gyro_x disagree"),
+        (["acc_x", "gyro_y"], "imu0/imu1 acc_x gyro_y disagree"),
+        (list(GYRO_ACC_AXES), "imu0/imu1 disagree on 6 axes"),
+    ],
+)
+def test_imus_that_disagree_are_said_together_and_once(axes, text):
+    announcer = Announcer(burst=5, interval_s=1.0)
+    for _ in range(2):
+        for verdict in disagree(*(f"imu{i}.{a}" for i in (0, 1) for a in axes)):
+            announcer.note(verdict)
+        said = announcer.due(0, 0)
+        assert [t.text for t in said] == ([text] if text else [])
+        text = ""
+
+
+def test_who_is_named_later_is_said_and_the_other_is_cleared():
+    announcer = Announcer(burst=5, interval_s=1.0)
+    for verdict in disagree("imu0.gyro_x", "imu1.gyro_x"):
+        announcer.note(verdict)
+    announcer.due(0, 0)
+    announcer.note(faulty("imu0.gyro_x", 0.1, "rad/s"))
+    announcer.note(Verdict(0, "imu1.gyro_x", State.OK))
+    said = [t.text for t in announcer.due(0, 0)]
+    assert said == ["imu0.gyro_x FAULTY: 5.7 deg/s high", "imu1.gyro_x ok"]
+
+
 def test_the_end_of_an_alarm_is_announced_whatever_follows():
     announcer = Announcer(burst=5, interval_s=1.0)
     announcer.note(faulty("aoa0"))

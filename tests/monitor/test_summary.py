@@ -1,6 +1,7 @@
 """The summary says what the verdicts said, in the log's own seconds."""
 
 import json
+from dataclasses import replace
 
 from links.vocabulary import Kind, Reason, State
 from monitor import summary
@@ -27,6 +28,14 @@ def test_a_fault_lasts_until_the_next_ok_whatever_is_between() -> None:
     (fault,) = summary.faults(verdicts, first_us=2_000_000)
     assert (fault["onset_s"], fault["detected_s"], fault["cleared_s"]) == (9.5, 10.0, 28.0)
     assert (fault["kind"], fault["magnitude"], fault["unit"]) == ("scale", -3.0, "m/s")
+
+
+def test_a_fault_is_detected_when_it_is_said_and_isolated_when_it_is_named() -> None:
+    named = replace(FAULT, t_us=15_000_000, detected_t_us=12_000_000)
+    for verdict, isolated_s in ((FAULT, 10.0), (named, 13.0)):
+        (fault,) = summary.faults([verdict], first_us=2_000_000)
+        assert (fault["detected_s"], fault["detected_t_us"]) == (10.0, 12_000_000)
+        assert (fault["isolated_s"], fault["isolated_t_us"]) == (isolated_s, verdict.t_us)
 
 
 def test_a_second_fault_of_the_same_sensor_is_a_second_entry() -> None:

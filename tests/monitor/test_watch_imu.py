@@ -67,6 +67,17 @@ def test_of_two_imus_the_faulty_one_is_found_although_the_attitude_follows_it(
     assert found.magnitude == pytest.approx(want, rel=0.3)
     assert f"agree with imu{1 - broken} and not with imu{broken}" in found.evidence
     cleared = [v for v in result.verdicts if v.sensor == name and v.t_us > found.t_us]
+    if found.detected_t_us is not None:
+        assert found.onset_t_us <= found.detected_t_us < found.t_us
+        told = [v for v in result.verdicts if v.state is State.SUSPECT]
+        assert {v.sensor for v in told} == {f"imu0.{axis}", f"imu1.{axis}"}
+        assert {v.t_us for v in told} == {found.detected_t_us}
+        assert {v.reason for v in told} == {Reason.SENSORS_DISAGREE}
+        assert seconds(rows, told[0]) < 61.0
+        [freed] = [v for v in result.verdicts if v.sensor == f"imu{1 - broken}.{axis}"][-1:]
+        assert (freed.state, freed.t_us) == (State.OK, found.t_us)
+    else:
+        assert seconds(rows, found) < 61.0
     assert [v.state for v in cleared] == [State.OK]
     assert seconds(rows, cleared[0]) < 105.0
 
@@ -116,8 +127,16 @@ def test_without_a_reference_two_imus_disagree_and_neither_is_blamed() -> None:
     rows["gps0"] = gps[gps["t_us"] < start_us(rows) + 50_000_000]
     result = judge(rows)
     assert faults_of(result) == []
-    told = {v.sensor for v in result.verdicts if v.reason is Reason.SENSORS_DISAGREE}
-    assert told == {"imu0.acc_x", "imu1.acc_x"}
+    told = [v for v in result.verdicts if v.reason is Reason.SENSORS_DISAGREE]
+    assert [(v.sensor, v.state) for v in told] == [
+        ("imu0.acc_x", State.SUSPECT),
+        ("imu1.acc_x", State.SUSPECT),
+        ("imu0.acc_x", State.UNMONITORED),
+        ("imu1.acc_x", State.UNMONITORED),
+    ]
+    assert seconds(rows, told[0]) < 61.0
+    assert 75.0 < seconds(rows, told[2]) < 77.0
+    assert told[2].evidence == "imu0 and imu1 disagree on acc_x; no reference tells which is wrong"
     missing = {v.sensor for v in result.verdicts if v.reason is Reason.REFERENCE_MISSING}
     assert len(missing) == 12
 
@@ -292,4 +311,5 @@ def test_a_called_fault_makes_no_peak() -> None:
     late, result = peaks_of(rows)
     [found] = faults_of(result)
     early = {s: r[r["t_us"] <= found.t_us + 1] for s, r in rows.items()}
-    assert peaks_of(early)[0]["imu.acc_size_m_s2"] == late["imu.acc_size_m_s2"] > 1.0
+    assert peaks_of(early)[0] == late
+    assert late["imu.acc_size_m_s2"] < 1.0
