@@ -52,7 +52,7 @@ def change_sentence(change: Change) -> str:
     if not math.isnan(c.peak):
         of = f" ({c.log})" if c.log else ""
         moved = c.outcome in (Outcome.RAISED, Outcome.LOWERED) and c.kind is not Kind.LEVEL
-        times = f" times {FACTOR}" if moved else ""
+        times = f" times {math.pow(FACTOR, 1.0 / c.power):.3g}" if moved else ""
         said += f": healthy maximum {c.peak:.3g}{of}{times}"
         said += f", {c.flights} flights, {c.seconds / 3600.0:.2f} h judged"
     default = "the default" if c.floor == c.default else f"{c.floor:g}"

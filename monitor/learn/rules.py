@@ -8,6 +8,7 @@ keeps a bad reference from being believed may be raised for a receiver that is n
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -54,6 +55,14 @@ class Rule:
     least: int = 1
     most: int = 99
     kind: Kind = Kind.STATISTIC
+
+    def scaled(self, value: float, factor: float) -> float:
+        """The value that goes with a fault so many times as large."""
+        return value * math.pow(factor, 1.0 / self.power)
+
+    def least_value(self, default: float) -> float:
+        """The floor in force over this default."""
+        return default if self.floor is None else min(self.floor, default)
 
 
 RULES = (

@@ -1,9 +1,12 @@
 """From the peaks of healthy flights to thresholds: a table lookup and a maximum.
 
-A threshold becomes ``max(floor, 1.3 x largest healthy maximum)``. It may rise on the least data
-that is accepted at all, since an alarm too few is what the operator asks for by calling the flights
-healthy; it falls below its default only on :data:`LOWER_FLIGHTS` flights and :data:`LOWER_S`
-judged, and never below its floor.
+A threshold becomes the larger of its floor and the largest healthy maximum times :data:`FACTOR`.
+It may rise on the least data that is accepted at all, since an alarm too few is what the operator
+asks for by calling the flights healthy; it falls below its default only on :data:`LOWER_FLIGHTS`
+flights and :data:`LOWER_S` judged, and never below its floor.
+
+What a flight is silent at is an upper bound of what the test needs: a peak beyond the threshold in
+force, on a flight without a verdict, counts as that threshold (the test's other conditions held).
 """
 
 from __future__ import annotations
@@ -40,14 +43,15 @@ __all__ = [
 ]
 
 FACTOR = 1.3
-"""Threshold over the largest healthy value (algorithm note, "the deployed form")."""
+"""Threshold over the largest healthy value, in the size of a fault (algorithm note, "the deployed
+form"). A log likelihood grows with the square of the size, hence times 1.69."""
 LEAST_FLIGHTS, LEAST_S = 3, 600.0
 """Nothing is learnt from fewer flights, or from less judged time of each sensor [s]: a flight has
 few turns and one weather, and three show at least that their maxima resemble each other."""
 LOWER_FLIGHTS, LOWER_S = 5, 3600.0
 """No threshold is lowered on less [s]: an hour bounds the rate of false alarms at three an hour."""
-CEILING = 4.0
-"""A threshold that would have to be so many times its default belongs to no healthy aircraft."""
+CEILING = 3.0
+"""Where only faults so many times as large could be found, something is wrong with the aircraft."""
 DIGITS = 3
 
 
@@ -231,14 +235,18 @@ def raised_levels(flights: Sequence[Flight], settings: Settings) -> list[Change]
 
 
 def widened(settings: Settings) -> Settings:
-    """The settings with every learnable threshold at :data:`CEILING` times its value.
+    """The settings with every learnable threshold as high as it may ever become.
 
     On a flight that its operator calls healthy the quantities can then be followed past the point
     at which they would have been taken for a fault.
     """
     return with_keys(
         settings,
-        {r.key: CEILING * default_of(settings, r.key) for r in RULES if r.kind is not Kind.SIZE},
+        {
+            r.key: r.scaled(default_of(settings, r.key), CEILING)
+            for r in RULES
+            if r.kind is not Kind.SIZE
+        },
     )
 
 
@@ -346,8 +354,8 @@ def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change
     seconds = _seconds(made, rule.quantity)
     peak, log = math.nan, ""
     if made:
-        loudest = max(made, key=lambda f: f.peaks[rule.key])
-        peak = loudest.peaks[rule.key]
+        loudest = max(made, key=lambda f: _needed(f, rule.key))
+        peak = _needed(loudest, rule.key)
         log = loudest.name if peak > 0.0 else ""
     if not made or seconds < LEAST_S:
         value, outcome = default, Outcome.KEPT_UNSEEN
@@ -355,16 +363,16 @@ def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change
         value, outcome = default, Outcome.KEPT_SIZE
     else:
         value, outcome = _threshold(rule, default, peak, len(made), seconds)
-    if value > CEILING * default:
+    if value > rule.scaled(default, CEILING):
         raise Unfit(
-            f"{rule.key} would have to be {value:.3g}, {value / default:.1f} times its default, "
-            f"for {log} to be a healthy flight: leave it out"
+            f"{rule.key} would have to be {value:.3g} instead of {default:g} for {log} to be a "
+            f"healthy flight, and only faults {CEILING:g} times as large be found: leave it out"
         )
     return Change(
         key=rule.key,
         default=default,
         value=value,
-        floor=_floor(rule, default),
+        floor=rule.least_value(default),
         peak=peak,
         log=log,
         flights=len(made),
@@ -376,22 +384,24 @@ def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change
     )
 
 
+def _needed(flight: Flight, key: str) -> float:
+    """Healthy maximum of a flight: its peak, or what it was silent at if that is less."""
+    peak = flight.peaks[key]
+    return peak if flight.alarms else min(peak, default_of(flight.settings, key))
+
+
 def _threshold(
     rule: Rule, default: float, peak: float, flights: int, seconds: float
 ) -> tuple[float, Outcome]:
-    wanted = _up(FACTOR * peak)
+    wanted = _up(rule.scaled(peak, FACTOR))
     if wanted >= default:
         return wanted, Outcome.RAISED if wanted > default else Outcome.KEPT_FLOOR
-    floor = _floor(rule, default)
+    floor = rule.least_value(default)
     if floor == default:
         return default, Outcome.KEPT_FLOOR
     if flights < LOWER_FLIGHTS or seconds < LOWER_S:
         return default, Outcome.KEPT_DATA
     return (wanted, Outcome.LOWERED) if wanted > floor else (floor, Outcome.FLOOR)
-
-
-def _floor(rule: Rule, default: float) -> float:
-    return default if rule.floor is None else min(rule.floor, default)
 
 
 def _up(value: float) -> float:
