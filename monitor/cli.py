@@ -48,11 +48,11 @@ app.command("analyze")(analyze.analyze)
 app.command("feed")(feed.feed)
 app.command("inject")(inject.inject)
 app.command("replay")(replay.replay)
-app.command("bench")(bench.bench)
 app.command("selftest")(selftest.selftest)
 app.command("warmup")(warmup.warmup)
 app.command("demo")(demo.demo)
 app.add_typer(learn.app, name="learn")
+app.add_typer(bench.app, name="bench")
 app.add_typer(config.app, name="config")
 
 

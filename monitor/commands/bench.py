@@ -1,4 +1,7 @@
-"""``mavsentry bench``: how fast each part is, and how many times slower its peers are."""
+"""``mavsentry bench``: how fast each part is, and how many times slower its peers are.
+
+``mavsentry bench detect`` stands in :mod:`monitor.commands.bench_detect`.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from monitor.commands.bench_detect.command import detect
 from monitor.commands.common import Refused, console, progress
 
 if TYPE_CHECKING:
     from monitor.commands.bench_cases import BenchCase
 
-__all__ = ["bench"]
+__all__ = ["app"]
+
+app = typer.Typer()
+app.command("detect")(detect)
 
 FLIGHT = "small-uav-healthy"
 LIVE_IMU_HZ = 200.0
@@ -32,7 +39,9 @@ CIRCUITS_S = 100.0
 """Least time that the flight's circuits take [s]."""
 
 
+@app.callback(invoke_without_command=True)
 def bench(
+    context: typer.Context,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the results here.")
     ] = None,
@@ -49,7 +58,14 @@ def bench(
         float, typer.Option(min=0.1, help="How long latency_ms watches a live link, minutes.")
     ] = 0.5,
 ) -> None:
-    """Measure medians, 99th percentiles and peers, all in one run, interleaved."""
+    """Measure how fast each part is, against its peers, all in one run, interleaved.
+
+    Example: mavsentry bench --only pipeline --json speed.json
+    """
+    if context.invoked_subcommand is not None:
+        if json_file or only or log:
+            raise Refused(f"options of {context.invoked_subcommand} stand behind its name")
+        return
     from monitor.commands.timing import machine
 
     with tempfile.TemporaryDirectory(prefix="mavsentry-bench-") as folder:
