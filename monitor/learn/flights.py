@@ -27,6 +27,8 @@ WATCHED = frozenset({"imu", "airspeed", "aoa"})
 """Quantities that are judged; the others are references."""
 MOVING_M_S = 3.0
 """A parked simulator shows the same fixes on every flight."""
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""Multiplier of the hash: 2^64 over the golden ratio."""
 SHARED = 0.5
 """Two logs that share this part of their satellite fixes are the same flight."""
 
@@ -201,15 +203,15 @@ def _measured(batches: Iterable[Batch], settings: Settings, name: str) -> tuple[
 
 
 def _fixes(batch: Batch) -> NDArray[np.uint64]:
-    """A hash of time and place of every fix of the first receiver that was taken while moving."""
+    """A hash of time, place and speed of every fix of the first receiver taken while moving."""
     rows = batch.rows.get("gps0")
     if rows is None or not len(rows):
         return np.zeros(0, np.uint64)
-    with np.errstate(invalid="ignore"):
-        rows = rows[np.hypot(rows["vel_ned_m_s"][:, 0], rows["vel_ned_m_s"][:, 1]) > MOVING_M_S]
+    speed = np.hypot(rows["vel_ned_m_s"][:, 0], rows["vel_ned_m_s"][:, 1])
+    rows = rows[(speed > MOVING_M_S) & (rows["lat_rad"] != 0.0)]
     hashed = rows["t_us"].astype(np.uint64)
-    for column in ("lat_rad", "lon_rad"):
-        hashed = hashed * np.uint64(0x9E3779B97F4A7C15) ^ rows[column].view(np.uint64)
+    for column in (rows["lat_rad"], rows["lon_rad"], rows["vel_ned_m_s"][:, 0]):
+        hashed = hashed * GOLDEN ^ np.ascontiguousarray(column).view(np.uint64)
     return np.asarray(hashed)
 
 
