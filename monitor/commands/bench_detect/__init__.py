@@ -5,6 +5,7 @@ flights         synthetic flights of three airframe classes and recorded ones, d
 configurations  which sensors an aircraft carries, and what is broken in them, by how much
 trials          a fault injected into a flight at a moment, and what the pipeline says of it
 search          smallest size found, level by level; bounds on shares and rates
+processes       tasks over processes
 campaign        all of it over processes, resumable
 table           the outcome as JSON, Markdown and on the terminal
 curves          delay against size as an SVG picture

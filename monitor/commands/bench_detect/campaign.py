@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import queue
-import signal
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -23,6 +20,7 @@ import numpy as np
 
 from monitor.commands.bench_detect.configurations import Configuration, Shape
 from monitor.commands.bench_detect.flights import restore
+from monitor.commands.bench_detect.processes import Step, each
 from monitor.commands.bench_detect.search import Outcome, Search, search
 from monitor.commands.bench_detect.trials import judge, moments, watch_healthy
 from monitor.settings import Settings
@@ -134,7 +132,7 @@ def parts_of(groups: Iterable[Group], plan: Plan) -> list[Part]:
     return sorted(parts, key=lambda part: -part.cells)
 
 
-def run_part(part: Part, tell: Callable[[], None] = lambda: None) -> Json:
+def run_part(part: Part, tell: Step = lambda: None) -> Json:
     """Judge the healthy flights, make the trials, search the sizes; ``tell`` after each search."""
     name = f"{part.group}/{part.configuration.name}"
     rng = np.random.default_rng([part.plan.seed, zlib.crc32(name.encode())])
@@ -279,55 +277,7 @@ def run_all(
         done += 1
         tell(done / total)
 
-    for i, result in _run(parts, left, jobs, step):
-        results[i] = result
-        kept.add(parts[i], result)
+    for k, result in each(run_part, [parts[i] for i in left], jobs, step):
+        results[left[k]] = result
+        kept.add(parts[left[k]], result)
     return [results[i] for i in range(len(parts))]
-
-
-def _run(
-    parts: Sequence[Part], left: list[int], jobs: int, step: Callable[[], None]
-) -> Iterator[tuple[int, Json]]:
-    """Results as they come, with the number of the part."""
-    if jobs == 1 or len(left) < 2:
-        for i in left:
-            yield i, run_part(parts[i], step)
-        return
-    # Started afresh, not forked: a forked process would share numba's threads and locks.
-    context = multiprocessing.get_context("spawn")
-    told: Any = context.Queue()
-    with context.Pool(min(jobs, len(left)), _begin, (told,)) as pool:
-        coming = pool.imap_unordered(_work, [(i, parts[i]) for i in left], chunksize=1)
-        for _ in left:
-            while True:
-                try:
-                    found: tuple[int, Json] = coming.next(timeout=0.3)
-                    break
-                except multiprocessing.TimeoutError:
-                    _drain(told, step)
-            _drain(told, step)
-            yield found
-
-
-def _drain(told: Any, step: Callable[[], None]) -> None:
-    while True:
-        try:
-            told.get_nowait()
-        except queue.Empty:
-            return
-        step()
-
-
-_TOLD: Any = None
-
-
-def _begin(told: Any) -> None:
-    """Prepare a worker: Ctrl-C is the first process's to hear."""
-    global _TOLD
-    _TOLD = told
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _work(task: tuple[int, Part]) -> tuple[int, Json]:
-    i, part = task
-    return i, run_part(part, lambda: _TOLD.put(None))

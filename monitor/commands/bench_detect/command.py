@@ -105,7 +105,7 @@ def detect(
     with tempfile.TemporaryDirectory(prefix="mavsentry-detect-") as folder:
         groups: list[Group] = []
         with progress("flying") as tell:
-            groups += _synthetic(classes, effort, plan, Path(folder), tell)
+            groups += _synthetic(classes, effort, plan, Path(folder), jobs, tell)
         with progress("reading") as tell:
             chosen = {name: own for name, own in folders.items() if not only or name in only}
             groups += _recorded(chosen, settings, plan, Path(folder), tell)
@@ -162,23 +162,36 @@ def _synthetic(
     effort: Effort,
     plan: Plan,
     folder: Path,
+    jobs: int,
     tell: Callable[[float], None],
 ) -> list[Group]:
     """Fly the synthetic flights."""
     from monitor.commands.bench_detect import flights
     from monitor.commands.bench_detect.campaign import Group
     from monitor.commands.bench_detect.configurations import fitting
+    from monitor.commands.bench_detect.processes import each
 
+    settings = {name: load_settings(name, None) for name in classes}
+    orders = [
+        flights.Order(
+            name, plan.seed, k, effort.minutes, settings[name], folder / f"synthetic {name} {k}"
+        )
+        for name in classes
+        for k in range(effort.flights)
+    ]
+    done = 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        tell(done / len(orders))
+
+    for _ in each(flights.fly, orders, jobs, step):
+        pass
     groups = []
-    for i, name in enumerate(classes):
-        settings = load_settings(name, None)
+    for name in classes:
         how = flights.CLASSES[name]
-        files = []
-        for k in range(effort.flights):
-            flown = flights.synthetic(flights.plan(name, plan.seed, k, effort.minutes), settings)
-            files.append(folder / f"{name}-{k}")
-            flights.store(flown, files[-1])
-            tell((i + (k + 1) / effort.flights) / len(classes))
+        files = [order.file for order in orders if order.name == name]
         configurations = fitting(
             how.pitots, 2, how.vanes, own_attitude=how.own_attitude, quick=plan.quick
         )
@@ -189,7 +202,7 @@ def _synthetic(
                 profile=name,
                 thresholds="thresholds of the bundled profile, none of them set on these flights",
                 files=tuple(files),
-                settings=(settings,) * len(files),
+                settings=(settings[name],) * len(files),
                 configurations=tuple(configurations),
             )
         )

@@ -21,6 +21,7 @@ from links.logs import LogError, open_log
 from links.mavlink import Decoder
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
+from monitor.commands.bench_detect.processes import Step
 from monitor.commands.common import Refused
 from monitor.settings import Settings
 from sim_feeds.earth import STANDARD_GRAVITY_M_S2
@@ -31,6 +32,8 @@ from sim_feeds.scenario import Scenario, load
 __all__ = [
     "CLASSES",
     "Flight",
+    "Order",
+    "fly",
     "instruments",
     "plan",
     "recorded",
@@ -253,6 +256,25 @@ def synthetic(scenario: Scenario, settings: Settings) -> Flight:
     stream = b"".join(frame for _, frame in frames_of(flown))
     batch = Batch.concatenate([decoder.feed(stream), decoder.finish()])
     return Flight(scenario.title, batch, round(scenario.start.boot_s * 1e6))
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A synthetic flight to be flown to a file; the fields are those of :func:`plan`."""
+
+    name: str
+    seed: int
+    number: int
+    minutes: float
+    settings: Settings
+    file: Path
+
+
+def fly(order: Order, step: Step) -> None:
+    """Fly and store."""
+    planned = plan(order.name, order.seed, order.number, order.minutes)
+    store(synthetic(planned, order.settings), order.file)
+    step()
 
 
 def recorded(path: Path, settings: Settings) -> Flight:
