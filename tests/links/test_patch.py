@@ -162,6 +162,27 @@ def test_every_source_can_be_undone(name):
                 assert (payload[field] == original[field]).all(), field
 
 
+def test_a_vane_of_the_full_dialect_can_be_undone():
+    """SENSOR_AIRFLOW_ANGLES is in the dialect ``all`` only; an invalid angle is no reading."""
+    everything = load_dialect("all")
+    message = everything.by_name["SENSOR_AIRFLOW_ANGLES"]
+    valid = {"angleofattack": 4.0, "angleofattack_valid": 1, "sideslip": 1.0}
+
+    def read(**fields):
+        frame = Encoder(1, 1, "all").encode("SENSOR_AIRFLOW_ANGLES", timestamp=5, **fields)
+        carrier = Carrier(everything, DecoderOptions(dialect="all"), None)
+        frames = Frames.at(frame, [0])
+        return carrier, list(carrier.read(frames, np.array([5]), np.ones(1, np.bool_)))
+
+    assert read(angleofattack=4.0)[1] == []
+    carrier, (vane,) = read(**valid)
+    after = vane.rows.copy()
+    after["aoa_rad"] *= 2.0
+    payload = carrier.payloads[message.id][1]
+    put_rows(vane.entry, payload, vane.rows, after)
+    assert_allclose([payload["angleofattack"][0], payload["sideslip"][0]], [8.0, 1.0], rtol=1e-6)
+
+
 def test_a_sensor_is_blanked_where_its_frame_carries_another():
     carrier, found = carried(one("SCALED_PRESSURE", press_abs=900.0, press_diff=2.0, temperature=5))
     (pitot,) = [c for c in found if c.sensor == "airspeed0"]
