@@ -14,6 +14,7 @@ from links.logs import LogInfo, open_log
 from links.mavlink.dialect import enum_word
 from links.samples import Rows
 from monitor import summary
+from monitor.baselines import BaselineTap
 from monitor.learn.flights import vehicle_words
 from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
@@ -129,7 +130,8 @@ def analyze_log(
         The file cannot be read as a log, in one plain sentence.
     """
     log = open_log(path, settings.links.decoder_options())
-    pipeline = Pipeline(settings)
+    baselines = BaselineTap()
+    pipeline = Pipeline(settings, taps=[baselines])
     recording = Recording()
     for batch in log:
         recording.add(pipeline.feed(batch))
@@ -139,7 +141,8 @@ def analyze_log(
     return Analysis(
         path,
         summarize(log.info, pipeline, recording.verdicts)
-        | {"learnt": provenance(settings.learnt, path, vehicle_words(log.info.vehicle))},
+        | {"learnt": provenance(settings.learnt, path, vehicle_words(log.info.vehicle))}
+        | {"baselines": baselines.summary(log.info.first_t_us)},
         recording.verdicts,
         recording.estimates,
     )

@@ -7,7 +7,7 @@ vehicle time alone drives it, and where a stream is cut into batches changes not
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from monitor.ordering import Ordering
 from monitor.phase import PhaseTracker
 from monitor.settings import Settings
 from monitor.streams import Change, Stream, Streams
-from monitor.verdict import StepResult, Verdict, Watch
+from monitor.verdict import StepResult, Tap, Verdict, Watch
 from monitor.watch import build_watches
 
 __all__ = ["Pipeline"]
@@ -38,7 +38,12 @@ class Pipeline:
         (sensor or "frame", reason) -> count, of the links and of the ordering.
     """
 
-    def __init__(self, settings: Settings, watches: list[Watch] | None = None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        watches: list[Watch] | None = None,
+        taps: Sequence[Tap] = (),
+    ) -> None:
         streams = settings.streams
         self._ordering = Ordering(
             round(streams.horizon_s * 1e6),
@@ -48,6 +53,7 @@ class Pipeline:
         self._phase = PhaseTracker(settings.phase)
         self._streams = Streams(streams)
         self._watches = build_watches(settings) if watches is None else watches
+        self._taps = taps
         self._judged: dict[str, Verdict] = {}
         self._states: dict[str, Verdict] = {}
         self._link_rejected: Counter[tuple[str, Rejection]] = Counter()
@@ -103,6 +109,8 @@ class Pipeline:
         phase = self._phase.step(released)
         if len(phase):
             released["phase"] = phase
+        for tap in self._taps:
+            tap.step(released)
         raised: list[Verdict] = []
         estimates: dict[str, Rows] = {}
         for watch in self._watches:

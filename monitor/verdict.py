@@ -16,7 +16,7 @@ import numpy as np
 from links.samples import Rows
 from links.vocabulary import Kind, Reason, State
 
-__all__ = ["AIR_ESTIMATE", "IMU_ESTIMATE", "PHASE_ROW", "StepResult", "Verdict", "Watch"]
+__all__ = ["AIR_ESTIMATE", "IMU_ESTIMATE", "PHASE_ROW", "StepResult", "Tap", "Verdict", "Watch"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,4 +126,12 @@ class Watch(Protocol):
 
     def peaks(self) -> dict[str, float]:
         """Settings key -> largest value of what is held to it, while judged and not faulty."""
+        ...
+
+
+class Tap(Protocol):
+    """Sees what the watches see and says nothing about any sensor's state."""
+
+    def step(self, rows: Mapping[str, Rows]) -> None:
+        """Look at the newly released rows, ``phase`` rows among them."""
         ...

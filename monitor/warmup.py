@@ -14,6 +14,7 @@ import numpy as np
 
 from estimators.jit import is_cold
 from links.samples import Batch, Rows, empty_rows
+from monitor.baselines import BaselineTap
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 
@@ -62,7 +63,7 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
     began_s = time.monotonic()
     if is_cold():
         say(COMPILING)
-    pipeline = Pipeline(settings)
+    pipeline = Pipeline(settings, taps=[BaselineTap()])
     pipeline.feed(made_up_flight(2.0 * settings.phase.flying_speed_m_s))
     pipeline.finish()
     return time.monotonic() - began_s

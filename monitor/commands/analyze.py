@@ -95,6 +95,8 @@ def _show(analysis: Analysis, file: Path) -> None:
     """The flight in one line, the faults as a table, what was not judged, the file."""
     from rich.table import Table
 
+    from monitor.baselines import one_line
+
     log, vehicle = analysis.summary["log"], analysis.summary["vehicle"]
     screen = console()
     screen.print(
@@ -130,4 +132,5 @@ def _show(analysis: Analysis, file: Path) -> None:
     learnt = analysis.summary["learnt"]
     if learnt is not None and learnt["note"] is not None:
         screen.print(f"  note: {learnt['note']}", soft_wrap=True)
+    screen.print(f"  {one_line(analysis.summary['baselines'])}", soft_wrap=True, highlight=False)
     screen.print(f"  {file}", soft_wrap=True)
