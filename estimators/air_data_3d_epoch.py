@@ -46,6 +46,8 @@ from estimators.air_data_3d_noise import (
     R_COMMON,
     R_LATERAL,
     R_OWN,
+    SLIP_MEAN_TAU_S,
+    SLIP_VAR,
     adapt,
     reference_noise,
 )
@@ -92,6 +94,12 @@ QUIET_SHARE = 0.5
 START_HEIGHT_M = 20.0
 """Height above ground at which flying begins; below it shear is as at this height."""
 YAW_WALK_RAD = 1e-4
+BEND = 5.0
+"""On synthetic flights at gust / n = 0.045 and 0.08 ln n was low by 2.7 and 5 times its square."""
+DOWN_SHARE = 0.7
+"""Vertical gusts' variance of that of horizontal ones: 0.4 at 50 m, 1 at 300 m (MIL-F-8785C)."""
+TILT_STD_RAD = 0.01
+"""Slow error of roll and pitch that small autopilots have [rad]."""
 N_ESTIMATE = 15
 """Columns: t, cas, its std, tas, std, aoa, std, ssa, std, wind N E D, their stds; s, m/s, rad."""
 
@@ -208,32 +216,63 @@ def _trusted(air: AirState, par: AirParams, t: float) -> bool:
 
 
 @kernel
-def _estimate(air: AirState, t: float, V: Array, E: Array, out: Array) -> float:
-    """Write the air data of the master; return the standard deviation of ln n."""
+def _estimate(air: AirState, par: AirParams, t: float, V: Array, E: Array, out: Array) -> float:
+    """Write the air data of the master; return its own standard deviation of ln n.
+
+    The published wind is the mean wind W; the airspeeds and angles are of the moment, gusts
+    included. Beyond the master's P, these count:
+
+    - The vertical wind. Without a vane only sideslip in banked flight speaks of it, and sideslip
+      has other causes: on synthetic flights the master's vertical wind was further off than zero.
+      The angles and the published wind take it for zero, mean and gust, and say how far it may be.
+    - The gusts themselves. GUST_STD leaves out those that are slower than the mean of the slip;
+      their whole variance is 1 + tau / SLIP_MEAN_TAU_S times as large.
+    - Heading and gust are not independent: the nose turns into a gust and the aircraft drifts with
+      it, which passes for knowledge of the speed along the nose. The error of ln n is of second
+      order, BEND (gust / n)^2.
+    - Slow errors of the attitude, and of the velocity.
+    """
     x, P, pressure = air.bank.x, air.bank.P, air.memory[PRESSURE]
+    noise = air.noise
+    gust2 = noise[SLIP_VAR] * (1.0 + par.levels.gust_tau_s / SLIP_MEAN_TAU_S)
+    gust2 = max(gust2, par.noise.gust_min_m_s**2)
+    velocity2 = noise[GPS_STD] ** 2 + 0.5 * noise[APART] ** 2
+    mean_down2 = par.levels.vertical_prior_m_s**2
     d = np.empty(3)
     n = air_velocity(x, V, d)
+    bend2 = (BEND * gust2 / (n * n)) ** 2
+    var_n = 0.0
+    for i in range(6):
+        for j in range(6):
+            var_n += P[i, j] * d[i % 3] * d[j % 3] / (n * n)
+    ln_n_std = math.sqrt(var_n) / n
+    cas = cas_from_tas(n, pressure, temperature(altitude_from_pressure(pressure)))
+    std = math.sqrt(ln_n_std**2 + bend2 + velocity2 / (n * n))
+    out[0] = t
+    out[1], out[2] = cas, cas * std
+    out[3], out[4] = n, n * std
+    d[2] = V[2]
     u, v, w = 0.0, 0.0, 0.0
+    var_v, var_w = 0.0, 0.0
     for i in range(3):
         u += E[0, i] * d[i]
         v += E[1, i] * d[i]
         w += E[2, i] * d[i]
-    var_n, var_v, var_w = 0.0, 0.0, 0.0
-    for i in range(6):
-        for j in range(6):
-            a, b = i % 3, j % 3
-            var_n += P[i, j] * d[a] * d[b] / (n * n)
-            var_v += P[i, j] * E[1, a] * E[1, b]
-            var_w += P[i, j] * E[2, a] * E[2, b]
-    ln_n_std = math.sqrt(var_n) / n
-    cas = cas_from_tas(n, pressure, temperature(altitude_from_pressure(pressure)))
-    out[0] = t
-    out[1], out[2] = cas, cas * ln_n_std
-    out[3], out[4] = n, n * ln_n_std
-    out[5], out[6] = math.atan2(w, max(u, 0.0)), math.sqrt(var_w) / n
-    out[7], out[8] = math.asin(min(max(v / n, -1.0), 1.0)), math.sqrt(var_v) / n
-    for i in range(3):
-        out[9 + i], out[12 + i] = x[i], math.sqrt(P[i, i])
+        for j in range(3):
+            S = velocity2 if i == j else 0.0
+            if i < 2 and j < 2:
+                S += P[i, j] + P[i, 3 + j] + P[3 + i, j] + P[3 + i, 3 + j]
+            elif i == j:
+                S += mean_down2 + DOWN_SHARE * gust2
+            var_v += S * E[1, i] * E[1, j]
+            var_w += S * E[2, i] * E[2, j]
+    out[5] = math.atan2(w, max(u, 0.0))
+    out[6] = math.sqrt(var_w / (n * n) + TILT_STD_RAD**2)
+    out[7] = math.asin(min(max(v / n, -1.0), 1.0)) - x[YAW]
+    out[8] = math.sqrt(var_v / (n * n) + P[YAW, YAW] + TILT_STD_RAD**2)
+    for i in range(2):
+        out[9 + i], out[12 + i] = x[i], math.sqrt(P[i, i] + bend2 * n * n)
+    out[11], out[14] = 0.0, math.sqrt(mean_down2)
     return ln_n_std
 
 
@@ -311,7 +350,7 @@ def use_epoch(
         air.noise[R_OWN],
         f.gate,
     )
-    memory[LN_N_STD] = _estimate(air, t, V, E, out)
+    memory[LN_N_STD] = _estimate(air, par, t, V, E, out)
     for i in range(N_PITOTS):
         s = judge.sensor[i]
         s[S_SHOWN] = math.exp(y[i])

@@ -70,6 +70,9 @@ N_VALUES = 7
 N_ESTIMATE = 15
 N_HORIZON = 3
 GRAVITY = 9.80665
+MEAN_WIND_S = 20.0
+"""The published wind is the mean over this: gusts of a few seconds are not wind."""
+FRESH_STAGES = 10.0
 HISTORY = 1200
 """Stages of wind that are kept (120 s)."""
 
@@ -81,7 +84,7 @@ HISTORY = 1200
 
 
 class StreamLimits(NamedTuple):
-    """Bounds on the wind's change, and when the references count."""
+    """Bounds on the wind's change, when the references count, and what stays wrong for long."""
 
     change_m_s: float
     change_down_m_s: float
@@ -92,6 +95,9 @@ class StreamLimits(NamedTuple):
     reference_apart_m_s: float
     reference_wait_s: float
     emit_s: float
+    calibration_std: float
+    heading_std_rad: float
+    alignment_std_rad: float
 
 
 class TriplexParams(NamedTuple):
@@ -293,14 +299,35 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
 
 
 @kernel
-def _estimate(s: Stream, t_s: float, out: Array) -> None:
-    """Reconstructed air data with deviations; columns as AIR_ESTIMATE without its time."""
-    z = s.horizon
+def _mean_wind(s: Stream, a: int) -> tuple[float, float]:
+    """Mean of the wind's component over the last MEAN_WIND_S, and the variance about it."""
+    k = int(s.clock[C_COUNT])
+    n = min(k - 10, int(MEAN_WIND_S / STAGE_S))
+    mean, square = 0.0, 0.0
+    for i in range(1, n + 1):
+        W = s.wind[a, (k - i) % HISTORY]
+        mean += W / n
+        square += W * W / n
+    return mean, max(square - mean * mean, 0.0)
+
+
+@kernel
+def _estimate(s: Stream, p: TriplexParams, t_s: float, out: Array) -> None:
+    """Reconstructed air data with deviations; columns as AIR_ESTIMATE without its time.
+
+    The published wind is the mean wind: of the horizon's, which follows gusts, over the last
+    MEAN_WIND_S, or what is held while no pitot is left. Errors that stay for minutes are noise to
+    the horizon and average out in its P, but not in truth: the calibration of the sound pitots
+    moves the wind along the nose, an error of the heading across it. A wind that is held knows no
+    gusts.
+    """
+    z, q = s.horizon, p.stream
     newest = z.x.shape[0] - 1
     h = np.empty(M3)
     C = np.empty((M3, N3))
     x = z.x[newest]
-    known = air_outputs(x, z.R_bn[newest], z.air[newest], h, C)
+    R = z.R_bn[newest]
+    known = air_outputs(x, R, z.air[newest], h, C)
     fill(out, np.nan)
     out[0] = t_s
     if not known:
@@ -314,17 +341,28 @@ def _estimate(s: Stream, t_s: float, out: Array) -> None:
                 total += C[3 + k, a] * z.P[a, b] * C[3 + k, b]
         std[k] = math.sqrt(max(total, 0.0))
     tas = math.sqrt((x[0] - x[3]) ** 2 + (x[1] - x[4]) ** 2 + (x[2] - x[5]) ** 2)
+    held = s.votes.lost[1] > 0.0
+    gust = p.votes.gust_m_s if held else 0.0
+    sound = 0.0
+    for i in range(3):
+        if s.votes.latched[1, i] == 0.0 and s.votes.age[1, i] <= FRESH_STAGES:
+            sound += 1.0
+    calibration = q.calibration_std / math.sqrt(max(sound, 1.0))
     out[1] = h[CAS]
-    out[2] = std[0]
+    out[2] = math.sqrt(std[0] ** 2 + (calibration * h[CAS]) ** 2 + gust**2)
     out[3] = tas
-    out[4] = std[0] * tas / max(h[CAS], 1.0)
+    out[4] = out[2] * tas / max(h[CAS], 1.0)
     out[5] = h[ALPHA] - x[OFFSET]
-    out[6] = std[1]
+    out[6] = math.hypot(std[1], q.alignment_std_rad)
     out[7] = h[5]
-    out[8] = std[2]
+    out[8] = math.hypot(std[2], gust / tas)
     for a in range(3):
-        out[9 + a] = x[3 + a]
-        out[12 + a] = math.sqrt(max(z.P[3 + a, 3 + a], 0.0))
+        W, spread2 = x[3 + a], 0.0
+        if not held:
+            W, spread2 = _mean_wind(s, a)
+        along, across = calibration * tas * R[0, a], q.heading_std_rad * tas * R[1, a]
+        out[9 + a] = W
+        out[12 + a] = math.sqrt(max(z.P[3 + a, 3 + a], 0.0) + spread2 + along**2 + across**2)
 
 
 @kernel
@@ -365,7 +403,7 @@ def run(
                 and at - clock[C_EMIT] > p.stream.emit_s - 0.5 * STAGE_S
                 and n_estimates < estimates.shape[0]
             ):
-                _estimate(s, at, estimates[n_estimates])
+                _estimate(s, p, at, estimates[n_estimates])
                 n_estimates += 1
                 clock[C_EMIT] = at
         c = code[k]

@@ -195,3 +195,17 @@ class TriplexSettings(Section):
     )
     offset_walk_deg: float = Field(0.02, gt=0, description="Its random walk [deg per sqrt(s)].")
     emit_s: float = Field(0.1, gt=0, description="Interval of the published estimates [s].")
+
+    # Errors that stay for minutes: they do not average out of the published air data.
+    calibration_std: float = Field(
+        0.05,
+        ge=0,
+        description="Calibration error of a pitot [1], each its own: small installations span "
+        "+-15 %, those certified to 14 CFR 25.1323 3 %.",
+    )
+    heading_std_deg: float = Field(
+        2.0, ge=0, description="Slow error of the heading [deg]: a magnetic compass."
+    )
+    alignment_std_deg: float = Field(
+        0.2, ge=0, description="Alignment of a vane and error of its position [deg]."
+    )

@@ -93,6 +93,9 @@ def params(settings: TriplexSettings) -> TriplexParams:
             reference_apart_m_s=s.reference_apart_m_s,
             reference_wait_s=s.reference_wait_s,
             emit_s=s.emit_s,
+            calibration_std=s.calibration_std,
+            heading_std_rad=rad(s.heading_std_deg),
+            alignment_std_rad=rad(s.alignment_std_deg),
         ),
     )
 
