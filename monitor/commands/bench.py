@@ -1,6 +1,7 @@
 """``mavsentry bench``: how fast each part is, and how many times slower its peers are.
 
-``mavsentry bench detect`` stands in :mod:`monitor.commands.bench_detect`.
+``mavsentry bench detect`` stands in :mod:`monitor.commands.bench_detect`, ``mavsentry bench
+against`` in :mod:`monitor.commands.bench_against`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from monitor.commands.bench_against.command import against
 from monitor.commands.bench_detect.command import detect
 from monitor.commands.common import Refused, console, progress
 
@@ -24,6 +26,7 @@ __all__ = ["app"]
 
 app = typer.Typer()
 app.command("detect")(detect)
+app.command("against")(against)
 
 FLIGHT = "small-uav-healthy"
 LIVE_IMU_HZ = 200.0
