@@ -343,7 +343,8 @@ def test_parts_are_kept_and_taken_up(results, monkeypatch):
     assert told[-1] == 1.0
     monkeypatch.setattr(campaign, "run_part", lambda *a: pytest.fail("was run again"))
     with file.open("a") as out:
-        out.write('{"fingerprint": "torn')  # as a run leaves it that was ended
+        out.write('\n{"fingerprint": "torn')  # as a run leaves it that was ended
+    Kept(file).add(parts[0], found[0])
     again = run_all(parts, 1, Kept(file), lambda fraction: None)
     assert json.dumps(again) == json.dumps(found)
 
@@ -448,6 +449,14 @@ def test_a_log_too_short_for_a_trial_is_refused(capsys, tmp_path):
 def test_options_before_detect_are_refused(capsys, tmp_path):
     assert invoke(["bench", "--json", str(tmp_path / "x.json"), "detect"]) == UNUSABLE
     assert "behind its name" in capsys.readouterr().err
+
+
+def test_a_file_that_keep_did_not_write_is_refused_and_left_alone(capsys, tmp_path):
+    file = tmp_path / "diary.txt"
+    for text in (b"dear diary\n", b"\xff\xfe\x00", b'{"a": 1}\n{"b": 2}\n'):
+        file.write_bytes(text)
+        assert "diary.txt" in refused(capsys, "--quick", "--keep", file)
+        assert file.read_bytes() == text
 
 
 def test_the_quick_table_from_end_to_end(capsys, monkeypatch, tmp_path):

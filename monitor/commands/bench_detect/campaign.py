@@ -23,6 +23,7 @@ from monitor.commands.bench_detect.flights import restore
 from monitor.commands.bench_detect.processes import Step, each
 from monitor.commands.bench_detect.search import Outcome, Search, search
 from monitor.commands.bench_detect.trials import judge, moments, watch_healthy
+from monitor.commands.common import Refused
 from monitor.settings import Settings
 
 __all__ = ["WINDOWS_S", "Group", "Kept", "Part", "Plan", "parts_of", "run_all", "run_part"]
@@ -223,19 +224,38 @@ def _seconds(value: float) -> float | None:
     return round(value, 3) if isfinite(value) else None
 
 
+_KEPT: Final = '{"fingerprint": '
+"""How every line of a file of kept parts begins."""
+
+
 class Kept:
-    """Results of finished parts in a file, one JSON value a line, so that a run can be resumed."""
+    """Results of finished parts in a file, one JSON value a line, so that a run can be resumed.
+
+    Raises
+    ------
+    Refused
+        The file cannot be read or written, or is another kind of file.
+    """
 
     def __init__(self, file: Path | None) -> None:
         self._file = file
         self._results: dict[str, Json] = {}
-        if file is not None and file.exists():
-            for line in file.read_text(encoding="utf-8").splitlines():
-                try:
-                    entry = json.loads(line)
-                except json.JSONDecodeError:  # the run ended while it wrote
-                    continue
-                self._results[entry["fingerprint"]] = entry["result"]
+        if file is None or not file.exists():
+            return
+        try:
+            lines = file.read_text(encoding="utf-8").splitlines()
+        except OSError as error:
+            raise Refused(f"cannot read {file}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            lines = ["no text"]
+        if not all(line.startswith(_KEPT) for line in lines if line):
+            raise Refused(f"{file} is no file that --keep wrote")
+        for line in lines:
+            try:
+                entry = json.loads(line)
+            except json.JSONDecodeError:  # a run was ended while it wrote this
+                continue
+            self._results[entry["fingerprint"]] = entry["result"]
 
     def get(self, part: Part) -> Json | None:
         """The result of a part, when this very part was finished before."""
@@ -243,9 +263,14 @@ class Kept:
 
     def add(self, part: Part, result: Json) -> None:
         """Remember the result of a part."""
-        if self._file is not None:
+        if self._file is None:
+            return
+        line = json.dumps({"fingerprint": part.fingerprint, "result": result})
+        try:
             with self._file.open("a", encoding="utf-8") as out:
-                out.write(json.dumps({"fingerprint": part.fingerprint, "result": result}) + "\n")
+                out.write("\n" + line)
+        except OSError as error:
+            raise Refused(f"cannot write {self._file}: {error.strerror}") from None
 
 
 def run_all(

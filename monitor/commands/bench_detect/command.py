@@ -66,7 +66,10 @@ def detect(
     ] = None,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="A rough table of small-uav and the logs within a minute."),
+        typer.Option(
+            "--quick",
+            help="A rough table of small-uav and the logs: few trials, four axes of an IMU.",
+        ),
     ] = False,
     only: Annotated[
         list[str] | None,
@@ -98,6 +101,7 @@ def detect(
     settings = load_settings(profile, None)
     folders = _folders(logs or [])
     classes = _chosen(effort.classes, list(folders), only)
+    kept = Kept(keep)
     if is_cold():
         note(COMPILING)
     warm_up(settings)
@@ -109,12 +113,8 @@ def detect(
         with progress("reading") as tell:
             chosen = {name: own for name, own in folders.items() if not only or name in only}
             groups += _recorded(chosen, settings, plan, Path(folder), tell)
-        try:
-            kept = Kept(keep)
-            with progress("breaking sensors") as tell:
-                results = run_all(parts_of(groups, plan), jobs, kept, tell)
-        except OSError as error:
-            raise Refused(f"cannot use {keep}: {error.strerror}") from None
+        with progress("breaking sensors") as tell:
+            results = run_all(parts_of(groups, plan), jobs, kept, tell)
     document = _document(groups, results, plan, quick, jobs, time.monotonic() - began_s)
     document["command"] = _typed(logs or [], quick, only, seed, profile)
     _write(document, out, json_file)
