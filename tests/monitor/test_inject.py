@@ -189,6 +189,19 @@ def test_a_write_that_fails_leaves_the_old_output(log, tmp_path, capsys, monkeyp
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_control_c_leaves_nothing_behind(log, tmp_path, monkeypatch):
+    from links.mavlink.patch import StreamPatcher
+
+    def interrupted(self, data):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(StreamPatcher, "feed", interrupted)
+    faults = write(tmp_path, PITOT_HIGH.format(start_s=2.0))
+    out = tmp_path / "out.tlog"
+    assert invoke(["inject", str(log), str(faults), "--to", str(out)]) == 130
+    assert [p.name for p in tmp_path.iterdir()] == ["faults.toml"]
+
+
 # ----------------------------------------------------------------------------- recorded flights
 
 ALFA = "alfa/carbonZ_2018-07-30-17-36-35_engine_failure_with_emr_traj.tlog"
