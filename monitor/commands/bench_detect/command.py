@@ -358,26 +358,24 @@ def _show(document: dict[str, Any]) -> None:
     screen = console()
     windows = [f"{w:g} s" for w in document["windows_s"]]
     for group in document["groups"]:
-        table = Table(title=f"{group['name']}: smallest fault named within")
-        table.add_column("broken", no_wrap=True)
-        for column in (*windows, *(f"ramp {w}" for w in windows), "trials", "wrong", "first"):
-            table.add_column(column, justify="right", no_wrap=True)
-        before = ""
-        for row in rows(group):
-            if row.configuration != before:
-                table.add_section()
-                table.add_row(f"[bold]{row.configuration}[/]")
-            table.add_row(
-                f"{row.sensor} \\[{row.unit}]",
-                *(row.step or ("",) * len(windows)),
-                *(row.ramp or ("",) * len(windows)),
-                str(row.trials),
-                f"{row.wrong_axis}+{row.wrong_instrument}",
-                str(row.misled),
-            )
-            before = row.configuration
-        screen.print(table)
-        screen.print(f"  {group['thresholds']}", soft_wrap=True)
+        screen.print(f"{group['name']}: {group['thresholds']}", soft_wrap=True)
+        found = list(rows(group))
+        for name in dict.fromkeys(row.configuration for row in found):
+            table = Table(title=name, title_justify="left", title_style="bold")
+            table.add_column("named within", no_wrap=True)
+            for column in (*windows, *(f"ramp {w}" for w in windows), "trials", "wrong", "first"):
+                table.add_column(column, justify="right", no_wrap=True)
+            for row in found:
+                if row.configuration == name:
+                    table.add_row(
+                        f"{row.sensor} \\[{row.unit}]",
+                        *(row.step or ("",) * len(windows)),
+                        *(row.ramp or ("",) * len(windows)),
+                        str(row.trials),
+                        f"{row.wrong_axis}+{row.wrong_instrument}",
+                        str(row.misled),
+                    )
+            screen.print(table)
     table = Table(title="healthy flights")
     for column in ("flights", "configuration"):
         table.add_column(column)

@@ -54,6 +54,9 @@ until {aftermath} s after the right sensor was named: trials in which another ax
 IMU, or another instrument, was called faulty as well, and trials in which a wrong one came
 first or alone. A suspicion or an announced disagreement is no blame.
 
+*Announced / named*: medians, over the steps that were found, until two IMUs were said to disagree
+and until the broken one was named. The columns of sizes count the naming.
+
 **Not in it**: other shapes of faults (noise, stuck, oscillation, blocked tubes), an autopilot
 that steers on the broken sensor, and pitots that fail together.
 """
@@ -152,6 +155,7 @@ def _sizes(own: Sequence[Row], windows: Sequence[str]) -> Iterator[str]:
     """Table of one configuration, with the columns that mean something in it."""
     imu = any(row.sensor.startswith(("acc", "gyro")) for row in own)
     paired = any(row.by_pair is not None for row in own)
+    earlier = any(row.announced_s < row.named_s for row in own)
     none = [""] * len(windows)
     head = [
         "broken",
@@ -159,6 +163,7 @@ def _sizes(own: Sequence[Row], windows: Sequence[str]) -> Iterator[str]:
         *(f"ramp/min {w}" for w in windows),
         "trials",
         *(["by its pair"] if paired else []),
+        *(["announced / named"] if earlier else []),
         *(["wrong axis"] if imu else []),
         "wrong instrument",
         "wrong first",
@@ -170,6 +175,7 @@ def _sizes(own: Sequence[Row], windows: Sequence[str]) -> Iterator[str]:
             *(row.ramp or none),
             str(row.trials),
             *([str(row.by_pair)] if paired else []),
+            *([f"{row.announced_s:.1f} / {row.named_s:.1f} s"] if earlier else []),
             *([str(row.wrong_axis)] if imu else []),
             str(row.wrong_instrument),
             str(row.misled),

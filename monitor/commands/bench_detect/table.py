@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
+from statistics import median
 from typing import Any
 
 from monitor.commands.bench_detect.bounds import rate_upper
@@ -30,6 +31,9 @@ class Row:
     by_pair
         Trials in which the axis that cannot be told apart was named instead; None where that is no
         answer.
+    announced_s, named_s
+        Medians over the steps that were found: until the disagreement of two sensors was announced,
+        and until the broken one was named.
     wrong_axis, wrong_instrument, misled
         Trials in which another axis of the same IMU or another instrument was called faulty; and in
         which that came first, or alone.
@@ -42,6 +46,8 @@ class Row:
     ramp: tuple[str, ...]
     trials: int
     by_pair: int | None
+    announced_s: float
+    named_s: float
     wrong_axis: int
     wrong_instrument: int
     misled: int
@@ -77,6 +83,8 @@ def rows(group: Json) -> Iterator[Row]:
                 _sizes(cells.get("ramp")),
                 total["trials"],
                 total["as_pair"] if part["pair_counts"] else None,
+                _median(cells.get("step"), "announced_s"),
+                _median(cells.get("step"), "named_s"),
                 total["wrong_axis"],
                 total["wrong_sensor"],
                 total["misled"],
@@ -92,6 +100,13 @@ def _sizes(cell: Json | None) -> tuple[str, ...]:
         f"> {most:g}" if size is None else f"<= {size:g}" if size == least else f"{size:g}"
         for size in cell["smallest"].values()
     )
+
+
+def _median(cell: Json | None, key: str) -> float:
+    """Of the delays of all trials that were found."""
+    rungs = [] if cell is None else cell["rungs"]
+    delays = [s for rung in rungs for s in rung[key] if s is not None]
+    return median(delays) if delays else inf
 
 
 def alarm_rows(document: Json) -> Iterator[AlarmRow]:
