@@ -26,6 +26,13 @@ ESTIMATOR = "estimators.ins_bank"
 MARGIN_NATS = 3.0
 MARGIN_WAIT_S = 3.0
 """The best axis must beat its rival by this, or the best is named, with its pair, after a wait."""
+FAINT = 1.1
+"""Evidence not yet this much beyond its threshold waits as long: in gusts it hovers there."""
+PAIRS = {0: 4, 4: 0, 1: 3, 3: 1}
+"""Without an independent attitude a force that is off along an axis looks, for a while, like a rate
+that tips that axis out of the horizontal: acc_x like gyro_y, acc_y like gyro_x."""
+PAIR_SHARE = 0.67
+"""Both are named when the pair's z is at least this share: it then explains half as much."""
 SECOND_FAULT = 1.5
 """A lone IMU with a called fault is a poorer model: a second one must be this much clearer."""
 SAME_FAULT = 0.75
@@ -51,6 +58,10 @@ class Found:
         Its estimate [SI] and statistic [sigma].
     rival, margin
         The axis that explains nearly as much, and by how much less (log likelihood).
+    pair
+        Whether the axis that looks alike (:data:`PAIRS`) explains at least half as much.
+    loud
+        How far beyond its threshold, or its size, the greater of the two is.
     """
 
     window: int
@@ -59,6 +70,8 @@ class Found:
     z: float
     rival: int
     margin: float
+    pair: bool
+    loud: float
 
 
 class LoneTest:
@@ -93,7 +106,8 @@ class LoneTest:
         elif math.isnan(unit.loud_s):
             unit.loud_s = r.now_s
         close = found is not None and found.margin < MARGIN_NATS
-        if close and r.now_s - unit.loud_s < MARGIN_WAIT_S:
+        weak = close or (found is not None and found.loud < FAINT)
+        if weak and r.now_s - unit.loud_s < MARGIN_WAIT_S:
             return []
         for k, axis in enumerate(unit.axes):
             if not axis.faulty and axis.test == "" and (found is None or k != found.axis):
@@ -104,8 +118,14 @@ class LoneTest:
         if axis.faulty:
             self._fold(imu, found)
         elif axis.latch.step(r.t_us, True, False) is LatchState.FAULTY:
-            return [self._call(imu, mode, found, found.rival if close else None)]
+            return [self._call(imu, mode, found, self._other_name(found, close=close))]
         return []
+
+    def _other_name(self, found: Found, *, close: bool) -> int | None:
+        """The axis that may be the faulty one instead; None when there is no doubt."""
+        if found.pair and not self._record.settings.attitude_independent:
+            return PAIRS[found.axis]
+        return found.rival if close else None
 
     def _usable(self, imu: int, found: Found) -> bool:
         """Whether what the vehicle's attitude says of this IMU counts.
@@ -133,23 +153,30 @@ class LoneTest:
         return odds > r.settings.arbitration_nats
 
     def _loudest(self, c: int, limit: Array) -> Found | None:
-        """The loudest single-axis fault of a filter, over all windows: all possible onsets."""
+        """The loudest single-axis fault of a filter, over all windows: all possible onsets.
+
+        Where an axis explains the innovations best by something too small to be a fault, no other
+        axis is blamed for it.
+        """
         r = self._record
         b = r.bank
         if math.isnan(b.aligned_s[c]):
             return None
         f, z = single_axis(b.L[c, :-1], b.Y[c, :-1], b.start_nis[c, :-1])
         size = np.array([bank.physical_size(r.size, b.diff2[c // 2], k) for k in range(6)])
-        loud = np.where(np.abs(f) > size, np.abs(z) / limit, 0.0)
-        loud[r.now_s - b.start_s[c, :-1] < bank.JUDGED_AGE_S] = 0.0
-        order = np.argsort(-loud.max(axis=0))
-        k, rival = int(order[0]), int(order[1])
+        z[r.now_s - b.start_s[c, :-1] < bank.JUDGED_AGE_S] = 0.0
+        score = np.abs(z) / limit
+        loud = np.where(np.abs(f) > size, score, 0.0)
+        k, rival = (int(i) for i in np.argsort(-loud.max(axis=0))[:2])
         w = int(loud[:, k].argmax())
-        if loud[w, k] <= 1.0:
+        v, best = np.unravel_index(int(score.argmax()), score.shape)
+        if loud[w, k] <= 1.0 or (best != k and abs(f[v, best]) < r.size[best]):
             return None
-        second = float(np.abs(z[:, rival]).max())
-        margin = 0.5 * float(z[w, k] ** 2 - second**2)
-        return Found(w, k, float(f[w, k]), float(z[w, k]), rival, margin)
+        margin = 0.5 * float(z[w, k] ** 2 - (z[:, rival] ** 2).max())
+        like = PAIRS.get(k)
+        pair = like is not None and bool(np.abs(z[:, like]).max() >= PAIR_SHARE * abs(z[w, k]))
+        clear = max(float(loud[w, k]), abs(float(f[w, k])) / size[k])
+        return Found(w, k, float(f[w, k]), float(z[w, k]), rival, margin, pair, clear)
 
     def _call(self, imu: int, mode: int, found: Found, rival: int | None) -> Verdict:
         r = self._record

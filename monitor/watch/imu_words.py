@@ -91,11 +91,12 @@ def lone_sentence(
     baro: bool,
 ) -> str:
     """The only IMU contradicts the references."""
-    text = (
-        f"{_reference(attitude, baro)} contradict imu{imu}: {GYRO_ACC_AXES[axis]} "
-        f"{shown(axis, size)} for {held_s:.1f} s"
-    )
-    return text if rival is None else f"{text} (or its pair {GYRO_ACC_AXES[rival]})"
+    name, what = GYRO_ACC_AXES[axis], f"{shown(axis, size)} for {held_s:.1f} s"
+    text = f"{_reference(attitude, baro)} contradict imu{imu}:"
+    if rival is None:
+        return f"{text} {name} {what}"
+    first, second = (GYRO_ACC_AXES[k] for k in sorted((axis, rival)))
+    return f"{text} {first} or {second}, likelier {name} {what}"
 
 
 def disagreement_sentence(imu: int, other: int, axis: int, *, undecided: bool) -> str:
