@@ -120,6 +120,7 @@ def test_every_rung_has_the_same_trials():
 
     found = search(LADDER, (10.0, 30.0, 60.0), 20, judged)
     assert set(asked.values()) == {1}
+    assert max(len(r.outcomes) for r in found.rungs if r.size < 3.0) == 2
     assert {len(r.outcomes) for r in found.rungs if r.size >= 3.0} == {20}
 
 
@@ -251,6 +252,26 @@ def group_of(flight, folder, *chosen, name="small-uav"):
     flights.store(flight, file)
     base = monitor_settings.load()
     return Group(name, False, "small-uav", "thresholds of the profile", (file,), (base,), chosen)
+
+
+def test_the_hard_trials_come_first_on_the_other_rungs():
+    asked = []
+
+    def judged(size: float, trial: int) -> Outcome:
+        asked.append((size, trial))
+        hard = trial in (4, 17)
+        return Outcome(named_s=math.inf if hard and size < 7.0 else 1.0)
+
+    assert search(LADDER, (10.0,), 20, judged).smallest == {10.0: 7.0}
+    on_five = [trial for size, trial in asked if size == 5.0]
+    assert sorted(on_five[:2]) == [4, 17]
+    assert len(on_five) == 2
+
+
+def test_six_flights_spread_over_the_winds():
+    speeds = sorted(flights.plan("small-uav", 1, k, 2.0).wind[0].speed_m_s for k in range(6))
+    assert max(np.diff(speeds)) < 12.0 / 3
+    assert speeds[-1] - speeds[0] > 12.0 / 2
 
 
 def test_the_same_number_gives_the_same_flight_and_another_one_another_wind():

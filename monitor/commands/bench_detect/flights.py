@@ -165,12 +165,14 @@ CLASSES: Final = {
 }
 """Airframe class -> how it is flown here; the class is also the profile that it is judged with."""
 
+GOLDEN: Final = 0.6180339887498949
+
 _FIXED: Final = ("title", "aircraft", "imu", "airspeed", "baro", "gps", "autopilot", "aoa")
 """Sections of the base scenario that are kept."""
 
 
 def plan(name: str, seed: int, number: int, minutes: float) -> Scenario:
-    """A healthy flight of a class: random route, heading, wind and turbulence; it lands.
+    """A healthy flight of a class: random route and heading, some wind and turbulence; it lands.
 
     Parameters
     ----------
@@ -182,12 +184,17 @@ def plan(name: str, seed: int, number: int, minutes: float) -> Scenario:
         Time of the legs between take-off and landing.
     """
     how = CLASSES[name]
-    rng = np.random.default_rng([seed, list(CLASSES).index(name), number])
+    which = list(CLASSES).index(name)
+    rng = np.random.default_rng([seed, which, number])
+    # The golden ratio spreads any number of flights evenly over the winds, from another start per
+    # seed.
+    calm = float(np.random.default_rng([seed, which]).random())
+    windy = (calm + number * GOLDEN) % 1.0
 
     def override(table: dict[str, Any]) -> None:
         for key in [key for key in table if key not in _FIXED]:
             del table[key]
-        wind = float(rng.uniform(0.0, how.wind_m_s))
+        wind = windy * how.wind_m_s
         table["title"] = f"{name} {number + 1}, wind {wind:.0f} m/s"
         table["start"] = {"heading_deg": round(float(rng.uniform(0.0, 360.0)), 1)}
         table["seed"] = int(rng.integers(2**31))
@@ -204,7 +211,7 @@ def plan(name: str, seed: int, number: int, minutes: float) -> Scenario:
             # A stronger wind is as a rule a rougher one (MIL-F-8785C scales turbulence with it).
             {
                 "kind": "dryden",
-                "wind_6m_m_s": round(float(how.wind_6m_m_s * wind / how.wind_m_s), 2),
+                "wind_6m_m_s": round(windy * how.wind_6m_m_s, 2),
             },
         ]
 

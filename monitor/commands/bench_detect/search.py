@@ -3,7 +3,8 @@
 A rung *passes* for a window when at least 95 % of its trials were found within the window. Rungs
 are bisected for the longest window first; a shorter one cannot do with less, so it starts from
 there. The same trials (flight, moment, sense) are made on every rung, so that sizes are compared on
-equal terms. A rung is given up once it can pass for no window any more.
+equal terms. A rung is given up at the miss that decides, and the trials that were hard on other
+rungs come first: neither changes what passes.
 """
 
 from __future__ import annotations
@@ -48,18 +49,10 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """All trials made with one size."""
+    """Trials made with one size, in the order of their numbers; one given up has not all."""
 
     size: float
     outcomes: tuple[Outcome, ...]
-
-    def found(self, window_s: float) -> int:
-        """How many were named within the window."""
-        return sum(o.named_s <= window_s for o in self.outcomes)
-
-    def passes(self, window_s: float, trials: int) -> bool:
-        """Whether enough of ``trials`` were found; one given up does not pass."""
-        return trials - self.found(window_s) <= misses_allowed(trials)
 
 
 @dataclass(slots=True)
@@ -107,44 +100,57 @@ def search(
     judge
         Makes the trial of this number with a fault of this size.
     """
-    rungs: dict[int, Rung] = {}
-    longest_s = max(windows_s)
-
-    def rung(i: int) -> Rung:
-        if i not in rungs:
-            rungs[i] = Rung(sizes[i], _trials(sizes[i], longest_s, trials, judge))
-        return rungs[i]
-
+    ladder = _Ladder(sizes, trials, judge)
     out = Search()
     low, first = 0, True
     for window_s in sorted(windows_s, reverse=True):
         high = len(sizes)
         probe, stride = low, 1
         while not first and probe < high:  # not far above what the longer window takes
-            if rung(probe).passes(window_s, trials):
+            if ladder.passes(probe, window_s):
                 high = probe
             else:
                 low, probe, stride = probe + 1, probe + stride, 2 * stride
         first = False
         while low < high:
             middle = (low + high) // 2
-            if rung(middle).passes(window_s, trials):
+            if ladder.passes(middle, window_s):
                 high = middle
             else:
                 low = middle + 1
         out.smallest[window_s] = sizes[low] if low < len(sizes) else None
-    out.rungs = [rungs[i] for i in sorted(rungs)]
+    out.rungs = ladder.rungs()
     return out
 
 
-def _trials(
-    size: float, longest_s: float, trials: int, judge: Callable[[float, int], Outcome]
-) -> tuple[Outcome, ...]:
-    outcomes: list[Outcome] = []
-    missed = 0
-    for trial in range(trials):
-        outcomes.append(judge(size, trial))
-        missed += outcomes[-1].named_s > longest_s
-        if missed > misses_allowed(trials):
-            break
-    return tuple(outcomes)
+class _Ladder:
+    """Outcomes so far: rung -> trial -> outcome."""
+
+    def __init__(
+        self, sizes: Sequence[float], trials: int, judge: Callable[[float, int], Outcome]
+    ) -> None:
+        self._sizes, self._trials, self._judge = sizes, trials, judge
+        self._made: dict[int, dict[int, Outcome]] = {}
+
+    def passes(self, i: int, window_s: float) -> bool:
+        """Whether enough trials of a rung are found within a window; makes those that decide."""
+        made = self._made.setdefault(i, {})
+        missed = sum(o.named_s > window_s for o in made.values())
+        for trial in sorted(set(range(self._trials)) - set(made), key=self._ease):
+            if missed > misses_allowed(self._trials):
+                break
+            made[trial] = self._judge(self._sizes[i], trial)
+            missed += made[trial].named_s > window_s
+        return missed <= misses_allowed(self._trials)
+
+    def rungs(self) -> list[Rung]:
+        """All rungs that were tried, by size."""
+        return [
+            Rung(self._sizes[i], tuple(made[trial] for trial in sorted(made)))
+            for i, made in sorted(self._made.items())
+        ]
+
+    def _ease(self, trial: int) -> float:
+        """Low for a trial that took long, or was not found, on other rungs."""
+        delays = [made[trial].named_s for made in self._made.values() if trial in made]
+        return -max(delays, default=0.0)
