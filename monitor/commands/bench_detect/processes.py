@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import queue
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -80,4 +81,12 @@ def _begin(told: Any) -> None:
 
 def _do(numbered: tuple[Callable[[Any, Step], Any], int, Any]) -> tuple[int, Any]:
     work, i, task = numbered
-    return i, work(task, lambda: _TOLD.put(None))
+    return i, work(task, _tell)
+
+
+def _tell() -> None:
+    """Say that a part is done; leave when nobody is there to hear it any more."""
+    parent = multiprocessing.parent_process()
+    if parent is not None and not parent.is_alive():
+        os._exit(1)
+    _TOLD.put(None)
