@@ -43,6 +43,14 @@ def against(
         Path | None,
         typer.Option(metavar="DIR", help="Write DIR/against.md and DIR/against.json."),
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SENSOR",
+            help="Leave a sensor out (airspeed1, imu1); may be given several times. What the "
+            "autopilot said is then left out too: it had that sensor.",
+        ),
+    ] = None,
     profile: Profile = None,
     config: ConfigFile = None,
 ) -> None:
@@ -58,7 +66,8 @@ def against(
     files = _files(logs)
     if is_cold():
         note(COMPILING)
-    flights = [_flight(file, settings, known.get(file.stem)) for file in files]
+    missing = _sensors(without or [])
+    flights = [_flight(file, settings, known.get(file.stem), missing) for file in files]
     if out is not None:
         _write(flights, out)
     _show(flights)
@@ -86,6 +95,24 @@ def _files(logs: list[Path]) -> list[Path]:
     return out
 
 
+def _sensors(names: list[str]) -> frozenset[str]:
+    """The sensors to leave out.
+
+    Raises
+    ------
+    Refused
+        A name that no sensor has.
+    """
+    from links.samples import quantity_of
+
+    for name in names:
+        try:
+            quantity_of(name)
+        except KeyError as error:
+            raise Refused(f"{error.args[0]}; a sensor is called airspeed1 or imu1") from None
+    return frozenset(names)
+
+
 def _truths(file: Path | None) -> dict[str, Truth]:
     """Flight's name -> what is known of it.
 
@@ -110,8 +137,8 @@ def _truths(file: Path | None) -> dict[str, Truth]:
         raise Refused(f"{file}: {where or 'the file'}: {first['msg']}") from None
 
 
-def _flight(file: Path, settings: Settings, truth: Truth | None) -> Flight:
-    """One flight judged and scored."""
+def _flight(file: Path, settings: Settings, truth: Truth | None, without: frozenset[str]) -> Flight:
+    """One flight judged and scored; a sensor that is left out has no fault."""
     from links.logs import LogError
     from monitor.commands.bench_against.judges import judge_flight
     from monitor.commands.bench_against.score import score
@@ -119,9 +146,13 @@ def _flight(file: Path, settings: Settings, truth: Truth | None) -> Flight:
 
     with progress(file.name) as tell:
         try:
-            said = judge_flight(file, settings, tell)
+            said = judge_flight(file, settings, tell, without)
         except LogError as error:
             raise Refused(str(error)) from None
+    if truth is not None:
+        truth = truth.model_copy(
+            update={"faults": [f for f in truth.faults if not without.issuperset(f.sensors)]}
+        )
     scores = {} if truth is None else {judge: score(said[judge], truth) for judge in said}
     return Flight(file.stem, said, truth, scores)
 
@@ -142,9 +173,8 @@ def _show(flights: list[Flight]) -> None:
     """Both tables, and where another judge did better."""
     from rich.table import Table
 
-    from monitor.commands.bench_against.judges import JUDGES
     from monitor.commands.bench_against.score import beaten
-    from monitor.commands.bench_against.tables import delay_rows, false_rows
+    from monitor.commands.bench_against.tables import delay_rows, false_rows, judges_of
 
     screen = console()
     for title, head, rows in (
@@ -153,7 +183,7 @@ def _show(flights: list[Flight]) -> None:
     ):
         if rows:
             table = Table(title=title, title_justify="left")
-            for column in ("flight", *head, *JUDGES):
+            for column in ("flight", *head, *judges_of(flights)):
                 table.add_column(column)
             for row in rows:
                 table.add_row(*row)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from links.logs import open_log
+from links.samples import Batch
 from monitor import summary
 from monitor.analyze import Recording
 from monitor.baselines import BaselineTap
@@ -53,9 +54,15 @@ class Said:
 
 
 def judge_flight(
-    path: Path, settings: Settings, progress: Callable[[float], None]
+    path: Path,
+    settings: Settings,
+    progress: Callable[[float], None],
+    without: Collection[str] = (),
 ) -> dict[str, list[Said]]:
-    """What every judge says of a log.
+    """What every judge says of a log, from which some sensors may be left out.
+
+    What the autopilot said, it said with all of its sensors: where some are left out, it is no
+    judge.
 
     Raises
     ------
@@ -67,19 +74,20 @@ def judge_flight(
     pipeline = Pipeline(settings, taps=[as_flown, by_default])
     recording = Recording()
     for batch in log:
-        recording.add(pipeline.feed(batch))
+        kept = {s: rows for s, rows in batch.rows.items() if s not in without}
+        recording.add(pipeline.feed(Batch(kept, batch.rejected)))
         progress(log.info.bytes_read / max(log.info.bytes, 1))
     recording.add(pipeline.finish())
     first_us = log.info.first_t_us
     own, default = as_flown.summary(first_us), by_default.summary(first_us)
     faults = summary.faults(recording.verdicts, first_us)
-    return {
+    said = {
         OURS: [Said(f["sensor"], f["detected_s"], f["cleared_s"]) for f in faults],
         AS_FLOWN: _merged(own["ardupilot"]),
         BY_DEFAULT: _merged(default["ardupilot"]),
         PX4: _merged(own["px4"]),
-        SAID: announced(own["autopilot_said"]),
     }
+    return said if without else said | {SAID: announced(own["autopilot_said"])}
 
 
 def announced(texts: Iterable[Mapping[str, Any]]) -> list[Said]:

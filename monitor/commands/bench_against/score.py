@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from pydantic import BaseModel, ConfigDict
 
-from monitor.commands.bench_against.judges import JUDGES, OURS, Said
+from monitor.commands.bench_against.judges import OURS, Said
 
 __all__ = ["Fault", "Score", "Truth", "beaten", "score"]
 
@@ -79,8 +79,9 @@ def beaten(truth: Truth, scores: Mapping[str, Score]) -> list[str]:
     """Where another judge was earlier than ours, or said less that is false, one line each."""
     out = []
     ours = scores[OURS]
-    for judge in JUDGES[1:]:
-        other = scores[judge]
+    for judge, other in scores.items():
+        if judge == OURS:
+            continue
         for fault, a, b in zip(truth.faults, ours.delays_s, other.delays_s, strict=True):
             if b is not None and (a is None or b < a):
                 mine = "missed" if a is None else f"{a:.1f} s"
