@@ -14,7 +14,7 @@ from links.logs import open_log
 from links.mavlink.dialect import enum_word
 from links.mavlink.options import Vehicle
 from links.samples import Batch, quantity_of
-from links.vocabulary import State
+from links.vocabulary import Reason, State
 from monitor import summary
 from monitor.learn.levels import LevelMeter
 from monitor.pipeline import Pipeline
@@ -35,11 +35,22 @@ SHARED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A verdict of faulty: sensor, seconds from the log's first record, evidence."""
+    """A verdict of faulty, or that two sensors disagree: what no healthy flight should have.
+
+    Attributes
+    ----------
+    sensor, evidence
+        As of the verdict.
+    detected_s
+        From the log's first record [s].
+    state
+        ``faulty`` or ``suspect``.
+    """
 
     sensor: str
     detected_s: float
     evidence: str
+    state: State = State.FAULTY
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +72,7 @@ class Flight:
     levels
         Measured noise levels by name (:mod:`monitor.learn.levels`).
     alarms
-        Verdicts of faulty, in time order; empty for a flight on which all went well.
+        In time order; empty for a flight on which all went well.
     sha256
         Digest of the log's bytes; empty for a flight that is no file.
     vehicle
@@ -193,9 +204,9 @@ def _measured(batches: Iterable[Batch], settings: Settings, name: str) -> tuple[
         peaks=pipeline.peaks(),
         levels=meter.levels(_judged_spans(watched, pipeline.now_us)),
         alarms=tuple(
-            Alarm(v.sensor, (v.t_us - start_us) / 1e6, v.evidence)
+            Alarm(v.sensor, (v.t_us - start_us) / 1e6, v.evidence, v.state)
             for v in watched
-            if v.state is State.FAULTY
+            if v.state is State.FAULTY or v.reason is Reason.SENSORS_DISAGREE
         ),
         fixes=np.unique(np.concatenate(fixes)),
     )

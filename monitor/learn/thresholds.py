@@ -297,7 +297,7 @@ def check_enough(flights: Sequence[Flight]) -> None:
 
 
 def check_healthy(flights: Iterable[Flight], hint: str = "") -> None:
-    """No flight has a verdict of faulty.
+    """No flight has a verdict of faulty, nor do sensors disagree in one.
 
     Raises
     ------
@@ -309,7 +309,7 @@ def check_healthy(flights: Iterable[Flight], hint: str = "") -> None:
             a = f.alarms[0]
             more = f" (and {len(f.alarms) - 1} more)" if len(f.alarms) > 1 else ""
             raise Unfit(
-                f"{f.name} is not a healthy flight: {a.sensor} faulty at {a.detected_s:.1f} s"
+                f"{f.name} is not a healthy flight: {a.sensor} {a.state} at {a.detected_s:.1f} s"
                 f"{more}: {a.evidence}{hint}"
             )
 

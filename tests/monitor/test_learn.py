@@ -11,6 +11,7 @@ import pytest
 
 from links.mavlink.options import Vehicle
 from links.samples import empty_rows
+from links.vocabulary import State
 from monitor import learn as package
 from monitor import settings as configuration
 from monitor.learn import Alarm, Flight, Learnt, Outcome, TooLittle, Unfit, document, learn
@@ -213,6 +214,12 @@ def test_a_flight_with_a_fault_names_sensor_time_and_log() -> None:
     with pytest.raises(Unfit, match=r"b\.tlog is not .*airspeed0 faulty at 141\.3 s: reads low"):
         check_healthy([flight("a.tlog"), sick])
     check_healthy([flight("a.tlog")])
+
+
+def test_a_disagreement_that_nobody_settles_is_no_healthy_flight_either() -> None:
+    apart = Alarm("imu0.acc_x", 20.0, "imu0 and imu1 disagree", State.SUSPECT)
+    with pytest.raises(Unfit, match=r"imu0\.acc_x suspect at 20\.0 s: imu0 and imu1 disagree"):
+        check_healthy([flight(alarms=(apart,))])
 
 
 def test_a_noise_level_is_raised_and_never_lowered() -> None:
