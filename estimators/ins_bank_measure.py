@@ -76,8 +76,10 @@ NIS_AFTER_S = 2.0
 NIS_TAU_S = 30.0
 NIS_CLIP = 30.0
 NIS_FIRST = 2.0
+NIS_PRIOR_S = 1.2
 """Running mean of the innovations' square: its time constant (for a fix every
-0.2 s), largest term and first value; terms count from two seconds after the alignment."""
+0.2 s), largest term, first value and for how long a time that stands; terms count from two seconds
+after the alignment."""
 
 GPS_JOLT_M_S = 2.5
 """A velocity disagrees with the IMU by this much more, from fix to fix, than from the fix before
@@ -226,7 +228,9 @@ def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
     if kind == GPS:
         _judge_fix(b.fix[c], x, b.alias[c // 2], t, z, before)
         if t - b.aligned_s[c] > NIS_AFTER_S:
-            gain = min(1.0, FIX_S / NIS_TAU_S)
+            # The first value weighs as much as five fixes: soon the mean is of this flight.
+            seen_s = t - b.aligned_s[c] - NIS_AFTER_S + NIS_PRIOR_S
+            gain = FIX_S / min(NIS_TAU_S, seen_s)
             b.nis[c] += gain * (min(nis, NIS_CLIP) - b.nis[c])
 
 
