@@ -90,7 +90,7 @@ class BaselineTap:
         """Use released rows, each sensor in time order."""
         if (text := rows.get("text")) is not None:
             self._listen(text)
-        air = _ordered(self._air_events(rows))
+        air = self.air_events(rows)
         if air is not None:
             self._keep("ardupilot_airspeed", self._airspeed.step(*air))
             self._keep("px4_airspeed", self._px4_airspeed.step(*air))
@@ -149,8 +149,8 @@ class BaselineTap:
             if _ABOUT.search(text) and not _NOT_ABOUT.search(text):
                 self._texts.setdefault((int(row["t_us"]), text), int(row["severity"]))
 
-    def _air_events(self, rows: Mapping[str, Rows]) -> list[tuple[Rows, int, Floats]]:
-        """(rows, kind, values) of everything that the airspeed checks look at."""
+    def air_events(self, rows: Mapping[str, Rows]) -> tuple[Ints, Ints, Floats] | None:
+        """Time, kind and values of everything that the airspeed checks look at, in order."""
         events: list[tuple[Rows, int, Floats]] = []
         for k in range(PITOTS):
             if (r := rows.get(f"airspeed{k}")) is not None:
@@ -169,7 +169,7 @@ class BaselineTap:
             events.append((r, FLYING, _columns(r["flying"])))
         if self._follow_log and (r := rows.get("param")) is not None:
             events += self._parameter_events(r)
-        return events
+        return _ordered(events)
 
     def _parameter_events(self, rows: Rows) -> list[tuple[Rows, int, Floats]]:
         """Parameters as the log shows them; ARSPD_USE only once: the check itself changes it."""
