@@ -34,6 +34,7 @@ __all__ = [
     "CHECK_CONSTANT",
     "CHECK_DEAD",
     "CHECK_GROSS",
+    "CHECK_HORIZON",
     "CHECK_NOISE",
     "CHECK_NONE",
     "CHECK_OSCILLATION",
@@ -53,6 +54,7 @@ Array = NDArray[np.float64]
 # Floats: integer constants would compile each kernel they are passed to anew.
 CHECK_NONE, CHECK_CONSTANT, CHECK_GROSS = 0.0, 1.0, 2.0
 CHECK_DEAD, CHECK_NOISE, CHECK_BANK, CHECK_OSCILLATION = 3.0, 4.0, 5.0, 6.0
+CHECK_HORIZON = 7.0
 
 # State of one pitot's checks.
 T_LAST, Z1, Z2, D2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOISE_SINCE, ALIVE = (

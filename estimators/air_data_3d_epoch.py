@@ -69,6 +69,7 @@ from estimators.air_data_3d_state import (
     AirParams,
     AirState,
 )
+from estimators.air_horizon_stage import gather_epoch
 from estimators.air_peaks import APART as APART_PEAK
 from estimators.air_peaks import NOISE as NOISE_PEAK
 from estimators.air_peaks import note
@@ -375,6 +376,24 @@ def use_epoch(
     ):
         clear(bank)
         return True
+    gather_epoch(
+        air.stages,
+        par.stage,
+        bank.x,
+        bank.P,
+        t,
+        step,
+        V,
+        E[1],
+        y,
+        use,
+        learnt,
+        sound_pitots(air, known),
+        memory[FLYING_SINCE],
+        ln_sigma,
+        air.noise,
+        q,
+    )
     if learnt != 0:
         note_evidence(air.peaks, t, par.limits, bank, top, where, learnt)
         if t - memory[T_SPAWN] >= f.spawn_s:

@@ -65,6 +65,7 @@ __all__ = [
     "Judge",
     "JudgeLimits",
     "accuse_by_check",
+    "accuse_together",
     "judge_epoch",
     "new_judge",
     "set_status",
@@ -239,6 +240,25 @@ def accuse_by_check(
     clear(bank)
     agree = _agreeing(judge, limits, 1 << i)
     _accuse(judge, log, t, i, 1 << i, agree, 0.0, check, onset, stat, limit)
+
+
+@kernel
+def accuse_together(
+    judge: Judge,
+    limits: JudgeLimits,
+    log: Array,
+    t: float,
+    i: int,
+    together: int,
+    drift: float,
+    check: float,
+    onset: float,
+    stat: float,
+    limit: float,
+) -> None:
+    """Pitot i, one of the mask ``together``, is faulty; the filters are the caller's to mend."""
+    agree = _agreeing(judge, limits, together)
+    _accuse(judge, log, t, i, together, agree, drift, check, onset, stat, limit)
 
 
 @kernel

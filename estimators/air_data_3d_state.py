@@ -17,6 +17,7 @@ from estimators.air_data_3d_bank import Bank, new_bank
 from estimators.air_data_3d_judge import Judge, JudgeLimits, new_judge
 from estimators.air_data_3d_noise import NoiseLevels, new_noise
 from estimators.air_data_3d_rows import QUEUE, Rings, new_rings
+from estimators.air_horizon_stage import Gathering, StageLevels, new_gathering
 from estimators.air_peaks import new_peaks
 from estimators.air_swings import new_swings
 from estimators.atmosphere import P0_PA
@@ -82,6 +83,7 @@ class AirParams(NamedTuple):
     noise: NoiseLevels
     checks: CheckLimits
     limits: JudgeLimits
+    stage: StageLevels
 
 
 class AirState(NamedTuple):
@@ -97,6 +99,8 @@ class AirState(NamedTuple):
     swing : (3, 12) float64
     peaks : (14, 3) float64
         How near to the limits the flight came, see :mod:`estimators.air_peaks`.
+    stages
+        Epochs on their way to the long horizon (:mod:`estimators.air_horizon_judge`).
     """
 
     memory: Array
@@ -108,6 +112,7 @@ class AirState(NamedTuple):
     bank: Bank
     judge: Judge
     peaks: Array
+    stages: Gathering
 
 
 def new_state(params: AirParams) -> AirState:
@@ -126,4 +131,5 @@ def new_state(params: AirParams) -> AirState:
         bank=new_bank(),
         judge=new_judge(),
         peaks=new_peaks(),
+        stages=new_gathering(),
     )

@@ -89,6 +89,7 @@ from estimators.air_data_3d_state import (
     FilterLevels,
     new_state,
 )
+from estimators.air_horizon_stage import G_COUNT
 from estimators.air_peaks import DEAD_WIND, GROSS_LN, NOISE_RMS, note
 from estimators.air_swings import follow_swing, ragged, swings
 from estimators.atmosphere import (
@@ -223,14 +224,18 @@ def _queue(air: AirState, t: float, V: Array, receiver: int) -> None:
 def run(
     air: AirState,
     par: AirParams,
+    start: int,
     t: Array,
     code: NDArray[np.int64],
     index: NDArray[np.int64],
     value: Array,
     estimates: Array,
     log: Array,
-) -> tuple[int, int]:
-    """Use events in time order; return how many rows of ``estimates`` and ``log`` were written.
+) -> tuple[int, int, int]:
+    """Use events in time order from number ``start`` on, up to where the long horizon is to decide.
+
+    Returns the number of the next event and how many rows of ``estimates`` and ``log`` were
+    written.
 
     Parameters
     ----------
@@ -248,7 +253,7 @@ def run(
     E = np.empty((3, 3))
     work = np.empty((6, 10))
     where = np.empty(N_HYPOTHESES, np.int64)
-    for k in range(len(t)):
+    for k in range(start, len(t)):
         now, what, i, v = t[k], code[k], index[k], value[k]
         if what == EV_ATTITUDE:
             row = push(air.rings.attitude, air.rings.pushed, 0)
@@ -295,4 +300,6 @@ def run(
             since = max(memory[T_EPOCH], memory[FLYING_SINCE])
             if now - since > par.levels.reference_gap_s:
                 unmonitor(judge, log, now, known_pitots(air), REFERENCE_MISSING)
-    return n_out, int(judge.memory[J_ROWS])
+        if air.stages.memory[G_COUNT] >= par.stage.solve_every:
+            return k + 1, n_out, int(judge.memory[J_ROWS])
+    return len(t), n_out, int(judge.memory[J_ROWS])

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from monitor.settings.base import Section
+from monitor.settings.horizon import HorizonSettings
 
 __all__ = ["AirSettings"]
 
@@ -186,6 +187,11 @@ class AirSettings(Section):
     )
     suspect_clear_s: float = Field(
         5.0, ge=0, description="Suspicion ends so long after its last grounds [s]."
+    )
+
+    # Beside the filter bank.
+    horizon: HorizonSettings = Field(
+        default_factory=HorizonSettings, description="Minutes of flight, for slow faults."
     )
 
     # Fast checks.

@@ -41,6 +41,7 @@ from links.samples import Rows
 from monitor.settings.air import AirSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult
 from monitor.watch.air_bank_verdicts import verdict
+from monitor.watch.air_horizon import Horizon, stage_levels
 
 __all__ = ["AirBankWatch", "params"]
 
@@ -133,6 +134,7 @@ def params(settings: AirSettings) -> AirParams:
             readmit_s=s.readmit_s,
             suspect_clear_s=s.suspect_clear_s,
         ),
+        stage_levels(s),
     )
 
 
@@ -186,6 +188,7 @@ class AirBankWatch:
     def __init__(self, settings: AirSettings) -> None:
         self._params = params(settings)
         self._state = new_state(self._params)
+        self._horizon = Horizon(settings)
         self._epoch_us: int | None = None
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
@@ -204,16 +207,19 @@ class AirBankWatch:
             self._epoch_us = int(t_us[0])
         estimates = np.empty((n + 16, N_ESTIMATE))
         log = np.empty((3 * n + 64, N_LOG))
-        n_estimates, n_log = run(
-            self._state,
-            self._params,
-            (t_us - self._epoch_us) * 1e-6,
-            code[order],
-            index[order],
-            value[order],
-            estimates,
-            log,
-        )
+        events_in_order = (t_us - self._epoch_us) * 1e-6, code[order], index[order], value[order]
+        k = n_estimates = n_log = 0
+        while k < n:
+            k, more, said = run(
+                self._state,
+                self._params,
+                k,
+                *events_in_order,
+                estimates[n_estimates:],
+                log[n_log:],
+            )
+            n_estimates, n_log = n_estimates + more, n_log + said
+            n_log += self._horizon.decide(self._state, self._params, log[n_log:])
         return StepResult(
             [verdict(row, self._epoch_us) for row in log[:n_log]],
             {"air": _air_rows(estimates[:n_estimates], self._epoch_us)} if n_estimates else {},

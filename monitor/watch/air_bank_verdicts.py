@@ -12,6 +12,7 @@ from estimators.air_checks import (
     CHECK_BANK,
     CHECK_CONSTANT,
     CHECK_DEAD,
+    CHECK_HORIZON,
     CHECK_NOISE,
     CHECK_NONE,
     CHECK_OSCILLATION,
@@ -36,6 +37,7 @@ _REASONS = {
     judge.REFERENCE_NOT_TRUSTED: Reason.REFERENCE_NOT_TRUSTED,
 }
 _BANK = "air_data_3d"
+_HORIZON = "air_horizon"
 _CHECKS = "air_checks"
 
 DEAD_SHARE = 0.2
@@ -66,7 +68,7 @@ def verdict(row: NDArray[np.float64], epoch_us: int) -> Verdict:
         unit="m/s",
         statistic=float(row[judge.G_STAT]),
         threshold=float(row[judge.G_LIMIT]),
-        estimator=_BANK if check == CHECK_BANK else _CHECKS,
+        estimator={CHECK_BANK: _BANK, CHECK_HORIZON: _HORIZON}.get(check, _CHECKS),
         evidence=_evidence(row, check, sensor, shown, expected),
     )
 
@@ -121,6 +123,10 @@ def _evidence(
     elif math.isfinite(expected):
         percent = 100.0 * (shown / expected - 1.0)
         word = "below" if percent < 0.0 else "above"
+        if check == CHECK_HORIZON:
+            minutes = max(row[judge.G_T] - row[judge.G_ONSET], 1.0) / 60.0
+            grown = f"{sensor} has drifted to {abs(percent):.0f} % {word} what GPS and wind say"
+            return f"{grown} within {minutes:.1f} min" + _others(row, sensor)
         said = f"{sensor} has read {abs(percent):.0f} % {word} what GPS and wind say {lasting}"
     else:
         said = f"{sensor} has not fitted GPS and wind {lasting}"

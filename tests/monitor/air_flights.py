@@ -23,12 +23,14 @@ def circuits(
     gust: float = 0.3,
     pitots: int = 2,
     straight_s: float = 20.0,
+    weathercock: bool = False,
     seed: int = 0,
 ) -> Flight:
     """Rectangular circuits: straights of ``straight_s``, 90 degree turns at 30 degrees of bank.
 
     ``wind`` is constant (N, E) or a function of time giving (n, 2); ``gust`` is the rms of a first
-    order gust of 3 s in each horizontal direction.
+    order gust of 3 s in each horizontal direction. With ``weathercock`` the nose follows it, as an
+    aircraft's does; without, the gust is felt by the pitots alone.
     """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, GRID_S)
@@ -53,6 +55,9 @@ def circuits(
 
     i = at(10)
     out: Flight = {"attitude": empty_rows("attitude", len(i))}
+    if weathercock:
+        air = mean_air - g
+        yaw = yaw + np.angle((air[:, 0] + 1j * air[:, 1]) * np.exp(-1j * yaw))
     half = 0.5 * np.column_stack((roll[i], np.zeros(len(i)), yaw[i]))
     c, s = np.cos(half), np.sin(half)
     out["attitude"]["q_ned_from_frd"] = np.column_stack(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from links.vocabulary import Kind, Reason, State
 from monitor.settings.air import AirSettings
+from monitor.settings.horizon import HorizonSettings
 from monitor.verdict import Verdict
 from monitor.watch.air_bank import AirBankWatch
 
@@ -280,7 +281,8 @@ def test_a_limit_above_the_peak_is_not_exceeded_and_one_below_is(
 ) -> None:
     flight = scaled(circuits(200.0, pitots=pitots), "airspeed0", size, 120.0)
     out_of_reach = {"margin_one": 1e3, "margin_all": 1e3} if key != "min_shift" else {}
-    blind = {**out_of_reach, "min_shift": 0.02, key: 1e3}
+    alone = {"horizon": HorizonSettings(margin_one=1e9, margin_all=1e9)}
+    blind = {**out_of_reach, **alone, "min_shift": 0.02, key: 1e3}
     watch = AirBankWatch(AirSettings(**blind))
     assert not faulty(judged(flight, watch))
     peak = watch.peaks()[f"air.{key}"]
