@@ -423,6 +423,16 @@ def test_the_page_says_what_was_found_and_nothing_of_this_machine(results):
     assert drawn.count("<circle") >= len(curve(found[1]["cells"][0], parts[0].plan.trials))
 
 
+def test_announced_stands_beside_named_where_it_is_earlier(results):
+    group, parts, found, _, _ = results
+    changed = json.loads(json.dumps(found))
+    cell = next(c for r in changed for c in r["cells"] if c["sensor"] == "imu0.acc_x")
+    cell["rungs"] = [{"size": 1.0, "named_s": [6.0, 4.0], "announced_s": [1.0, 0.6]}]
+    text = page(document_of(group, parts[0].plan, changed))
+    assert "| announced / named |" in text
+    assert "| 0.8 / 5.0 s |" in text
+
+
 def test_a_curve_ends_where_too_few_were_found():
     cell = {
         "rungs": [

@@ -83,10 +83,13 @@ def _head(document: Json) -> Iterator[str]:
     yield document["command"]
     yield "```"
     yield ""
+    load = document["machine"]["load_1min"] or 0.0
+    busy = f", beside other work (load {load:.0f})" if load > document["jobs"] + 1 else ""
     yield (
         f"mavsentry {document['version']}, seed {document['seed']}, "
         f"{document['took_s'] / 60.0:.0f} minutes on {document['jobs']} processes of "
-        f"{document['machine']['processor']}. What the words mean stands [below](#how-it-was-made)."
+        f"{document['machine']['processor']}{busy}. What the words mean stands "
+        "[below](#how-it-was-made)."
     )
     yield ""
     yield (
