@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Learn settings from healthy flights.", no_args_is_help=True)
+app = typer.Typer(help="Learn settings from healthy flights.", no_args_is_help=False)
 
 
-@app.callback()
-def _group() -> None:
+@app.callback(invoke_without_command=True)
+def _group(context: typer.Context) -> None:
     """Learn settings from healthy flights."""
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+        raise typer.Exit
 
 
 @app.command()

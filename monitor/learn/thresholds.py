@@ -225,7 +225,7 @@ def raised_levels(flights: Sequence[Flight], settings: Settings) -> list[Change]
                 peak=value,
                 log=where.name,
                 flights=len(seen),
-                seconds=sum(f.seconds for _, f in seen),
+                seconds=sum(max(f.judged_s.values(), default=0.0) for _, f in seen),
                 outcome=Outcome.RAISED,
                 why="below it the model's own errors count, not noise",
                 kind=Kind.LEVEL,

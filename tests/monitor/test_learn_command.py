@@ -37,6 +37,11 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return sentence.removeprefix("mavsentry: ")
 
 
+def test_the_group_alone_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["learn"]) == 0
+    assert "thresholds  Fit thresholds to an airframe" in capsys.readouterr().out
+
+
 def test_one_flight_is_too_little(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, log: Path
 ) -> None:
