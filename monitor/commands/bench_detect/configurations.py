@@ -49,18 +49,26 @@ class Ladder:
         return self.unit if shape is Shape.STEP else f"{self.unit} a minute"
 
 
-def _rungs(least: float, most: float) -> tuple[float, ...]:
-    """1, 1.5, 2, 3, 5, 7 of every decade between two sizes."""
-    decades = (10.0**k for k in range(-3, 5))
-    sizes = [round(m * d, 6) for d in decades for m in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)]
+_FINE: Final = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+_COARSE: Final = (1.0, 2.0, 5.0)
+
+
+def _rungs(least: float, most: float, digits: tuple[float, ...]) -> tuple[float, ...]:
+    """Sizes with these leading digits between two."""
+    sizes = [round(digit * 10.0**k, 6) for k in range(-3, 5) for digit in digits]
     return tuple(s for s in sizes if least <= s <= most)
 
 
+def _ladder(unit: str, steps: tuple[float, float], ramps: tuple[float, float]) -> Ladder:
+    """Steps a factor of 1.5 apart; ramps, found later and so dearer to try, one of 2."""
+    return Ladder(unit, _rungs(*steps, _FINE), _rungs(*ramps, _COARSE))
+
+
 LADDERS: Final = {
-    "acc": Ladder("m/s^2", _rungs(0.1, 10.0), _rungs(0.5, 50.0)),
-    "gyro": Ladder("deg/s", _rungs(0.2, 30.0), _rungs(1.0, 150.0)),
-    "airspeed": Ladder("% of airspeed", _rungs(2.0, 70.0), _rungs(5.0, 500.0)),
-    "aoa": Ladder("deg", _rungs(0.5, 20.0), _rungs(2.0, 100.0)),
+    "acc": _ladder("m/s^2", (0.1, 10.0), (0.5, 50.0)),
+    "gyro": _ladder("deg/s", (0.2, 30.0), (1.0, 200.0)),
+    "airspeed": _ladder("% of airspeed", (2.0, 70.0), (5.0, 500.0)),
+    "aoa": _ladder("deg", (0.5, 20.0), (2.0, 100.0)),
 }
 """Quantity -> sizes. A pitot that reads 70 % low or high is gross; so are 10 m/s^2 and 30 deg/s."""
 

@@ -42,11 +42,11 @@ itself, in vehicle time after the onset. Where the attitude follows the only IMU
 `gyro_y`, and `acc_y` and `gyro_x`, cannot always be told apart: there the pair counts as found,
 and *by its pair* says in how many trials it was named instead.
 
-**Sizes** are tried on a ladder (1, 1.5, 2, 3, 5, 7 of each decade) by bisection, with the same
-{trials} moments on every rung; a size passes when at least {enough} of them are found. `> 10`
-means that not even 10 passed, `<= 0.1` that the smallest tried did. {trials} of {trials} found
-proves a true share of {all_share} %, {enough} of {trials} one of {enough_share} %
-(Clopper-Pearson, one-sided 95 %): read a size as good to about one rung, a factor of 1.5. The
+**Sizes** are tried on a ladder by bisection (steps: 1, 1.5, 2, 3, 5, 7 of each decade; ramps:
+1, 2, 5), with the same {trials} moments on every rung; a size passes when at least {enough} of
+them are found. `> 10` means that not even 10 passed, `<= 0.1` that the smallest tried did.
+{trials} of {trials} found proves a true share of {all_share} %, {enough} of {trials} one of
+{enough_share} % (Clopper-Pearson, one-sided 95 %): read a size as good to about one rung. The
 JSON output has the delays of all trials.
 
 **Blame errors** are counted over all trials of all sizes tried, small and gross ones alike,

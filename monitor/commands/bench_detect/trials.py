@@ -36,7 +36,7 @@ SETTLED_S: Final = 1.0
 """A sensor has been ``ok`` for this long when it is broken."""
 AFTERMATH_S: Final = 10.0
 """For this long after the sensor was named, others that are blamed count as blame errors."""
-PIECE_S: Final = 5.0
+PIECE_S: Final = 2.5
 """A trial is judged this much at a time, and ended when it is decided."""
 
 
@@ -114,10 +114,10 @@ def watch_healthy(
 def _ok_spans(verdicts: list[Verdict], last_us: int, margin_us: int) -> list[tuple[int, int]]:
     """When a sensor was ``ok`` for a while, and ``margin_us`` before it was on the ground."""
     ends = [*(v.t_us for v in verdicts[1:]), last_us]
-    down = [v.t_us for v in verdicts if v.reason is Reason.ON_GROUND] + [last_us]
+    down = [v.t_us for v in verdicts if v.reason is Reason.ON_GROUND]
     spans = []
     for v, end_us in zip(verdicts, ends, strict=True):
-        landed_us = min(t for t in down if t >= v.t_us)
+        landed_us = min((t for t in down if t >= v.t_us), default=last_us)
         begin_us = v.t_us + round(SETTLED_S * US)
         end_us = min(end_us, landed_us - margin_us)
         if v.state is State.OK and begin_us < end_us:
