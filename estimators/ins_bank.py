@@ -31,6 +31,7 @@ from estimators.ins_bank_interest import (
     P_PAIR,
     interesting,
     physical_size,
+    swings,
 )
 from estimators.ins_bank_measure import NOISE_FRACTION, measure
 from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, integrate
@@ -71,8 +72,16 @@ from estimators.ins_bank_state import (
     Tuning,
     make_bank,
 )
-from estimators.ins_bank_turns import forget_turns, note_turn, usual_error
-from estimators.ins_bank_windows import accept, drive, mark, observe_fault, roll, roll_windows
+from estimators.ins_bank_turns import forget_turns, note_turn, undo_jump, usual_error
+from estimators.ins_bank_windows import (
+    SWING_Z2,
+    accept,
+    drive,
+    mark,
+    observe_fault,
+    roll,
+    roll_windows,
+)
 from estimators.jit import kernel
 
 __all__ = [
@@ -98,6 +107,7 @@ __all__ = [
     "R_T_ATT",
     "R_T_BARO",
     "R_T_GPS",
+    "SWING_Z2",
     "Bank",
     "Tuning",
     "accept",
@@ -108,6 +118,7 @@ __all__ = [
     "physical_size",
     "roll",
     "run",
+    "swings",
     "usual_error",
 ]
 
@@ -154,6 +165,15 @@ def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float)
 
 
 @kernel
+def _alone(b: Bank, p: Tuning, imu: int, t: float) -> bool:
+    """Whether the attitude can have come from this IMU only."""
+    for i in range(b.sample.shape[0]):
+        if i != imu and t - b.sample[i, 0] < MAX_GAP_S:
+            return False
+    return not p.attitude_independent
+
+
+@kernel
 def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     """Carry both filters of an IMU to its new sample, through the measurements that waited."""
     t0 = b.sample[imu, 0]
@@ -193,6 +213,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
             if b.pend[slot, 1] == ATTITUDE:
                 theta = b.integral[imu, 3:] - 0.5 * (t - at) * (u_at[3:] + u[3:])
                 note_turn(b.turns[imu], at, b.pend[slot, 2:6].copy(), theta)
+                undo_jump(b.turns[imu], b.heading[imu], _alone(b, p, imu, t))
             measure(b, p, imu, at, int(b.pend[slot, 1]), b.pend[slot, 2:])
             b.pend_read[imu] += 1
         if t > at:
@@ -347,5 +368,5 @@ def run(
         for c in range(b.x.shape[0]):
             if not math.isnan(b.aligned_s[c]):
                 windows = b.F[c], b.L[c], b.Y[c], b.start_s[c], b.start_nis[c]
-                roll_windows(*windows, b.nis[c], p.window_s, t)
+                roll_windows(*windows, b.swing[c], b.nis[c], p.window_s, t)
     return int(t_s.shape[0])

@@ -43,6 +43,7 @@ from estimators.ins_bank_state import (
     Bank,
     Tuning,
 )
+from estimators.ins_bank_windows import SWING_Z2
 from estimators.jit import kernel
 
 __all__ = [
@@ -54,6 +55,7 @@ __all__ = [
     "P_PAIR",
     "interesting",
     "physical_size",
+    "swings",
 ]
 
 Array = NDArray[np.float64]
@@ -140,6 +142,18 @@ def _note_step(b: Bank, p: Tuning, c: int, k: int, z: float, size: float, alone:
 
 
 @kernel
+def swings(b: Bank, p: Tuning, imu: int, k: int) -> bool:
+    """Whether a rate swings to and fro against an attitude that does not come from this gyro.
+
+    The mean square of the faults of many short windows must make a swing of the physical size.
+    """
+    swing = b.swing[2 * imu + 1]
+    size = 2.0 * p.interest_size[k]
+    large = swing[0, k] > SWING_Z2 and 2.0 * swing[1, k] > size * size
+    return bool(p.attitude_independent and k >= 3 and large)
+
+
+@kernel
 def interesting(b: Bank, p: Tuning, now: float) -> bool:
     """Whether anything deserves a decision: a window, a reference, a value that stands still."""
     interest = bool(b.clock[C_CHANGED] == 1.0)
@@ -158,6 +172,8 @@ def interesting(b: Bank, p: Tuning, now: float) -> bool:
         if math.isnan(b.aligned_s[c]):
             continue
         counts = judged and (c % 2 == 0 or p.attitude_independent)
+        for k in range(3, 6):
+            interest = interest or swings(b, p, c // 2, k)
         for w in range(b.start_s.shape[1] - 1):
             age = now - b.start_s[c, w]
             for k in range(6):

@@ -34,6 +34,7 @@ from estimators.ins_bank_model import (
     N,
     close_interval,
     inject,
+    product,
     scalar_update,
 )
 from estimators.ins_bank_state import (
@@ -155,11 +156,17 @@ def _slip_row(x: Array, R: Array, p: Tuning, m: int, H: Array, nu: Array, r: Arr
 
 
 @kernel
+def _about_down(psi: float) -> Array:
+    """Rotation of NED vectors by a heading."""
+    c, s = math.cos(psi), math.sin(psi)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@kernel
 def _attitude_rows(
-    x: Array, R: Array, p: Tuning, mode: int, q: Array, H: Array, nu: Array, r: Array
+    x: Array, R: Array, p: Tuning, mode: int, A: Array, H: Array, nu: Array, r: Array
 ) -> int:
     """Rows of the attitude error ``log(R_att R')``; mode INS takes its heading alone."""
-    A = dcm_from_quaternion(q)
     D = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -212,7 +219,8 @@ def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
         r[0] = p.baro_std_m**2
         m = 1
     elif mode == ATT or t - b.slip_s[c] < 0.5 * SLIP_INTERVAL_S:
-        m = _attitude_rows(x, R, p, mode, z[:4].copy(), H, nu, r)
+        A = product(_about_down(b.heading[c // 2, 0]), dcm_from_quaternion(z[:4].copy()))
+        m = _attitude_rows(x, R, p, mode, A, H, nu, r)
     dx = np.zeros(N)
     nis = 0.0
     for i in range(m):
@@ -258,6 +266,8 @@ def measure(b: Bank, p: Tuning, imu: int, t: float, kind: int, z: Array) -> None
         if kind == ATTITUDE and fresh and b.clock[C_FLYING] == 1.0:
             _align(b.x[c], b.R[c], b.P[c], b.qf[c], b.ref, p, c % 2)
             b.acc[c] = 0.0
+            b.heading[imu, 0] = 0.0
+            b.swing[c] = 0.0
             b.fix[c, 2] = np.nan
             b.nis[c] = NIS_FIRST
             b.aligned_s[c] = b.slip_s[c] = t

@@ -82,6 +82,7 @@ class Bank(NamedTuple):
     Y: Array  # (C, W, 6)
     start_s: Array  # (C, W) start of each window
     start_nis: Array  # (C, W) normaliser when it started
+    swing: Array  # (C, 2, 6) mean z^2 and fault^2 over the last short windows, see ins_bank_windows
     nis: Array  # (C,) running mean of the normalised innovation squared
     aligned_s: Array  # (C,) time of alignment, NaN before
     fix: Array  # (C, 6) last residual N, E; its last change between fixes; times of a jolt, a fix
@@ -97,6 +98,7 @@ class Bank(NamedTuple):
     edge_at: Ints  # (I, EDGES) which edge each slot holds, -1 none
     integral: Array  # (I, 6) running integral of each IMU
     pair: Array  # (I, I, PAIR_ROWS, 6) difference tests, see imu_difference
+    heading: Array  # (I, 2) jumps of the attitude's heading, see ins_bank_turns
     turns: Array  # (I, TURNS, 11) attitude increments against the gyro, see ins_bank_turns
     noise: Array  # (I, 8, 6) noise and stuck tests, see imu_difference
     peaks: Array  # (5,) largest healthy values of what is compared, see ins_bank_interest
@@ -131,6 +133,7 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         Y=np.zeros((n, w, 6)),
         start_s=np.full((n, w), nan),
         start_nis=np.ones((n, w)),
+        swing=np.zeros((n, 2, 6)),
         nis=np.full(n, 1.0),
         aligned_s=np.full(n, nan),
         fix=np.tile([0.0, 0.0, nan, nan, -1e9, -1e9], (n, 1)),
@@ -146,6 +149,7 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         edge_at=np.full((n_imus, EDGES), -1, dtype=np.int64),
         integral=np.zeros((n_imus, 6)),
         pair=np.zeros((n_imus, n_imus, PAIR_ROWS, 6)),
+        heading=np.tile([0.0, -1e9], (n_imus, 1)),
         turns=np.full((n_imus, TURNS, 11), nan),
         noise=np.zeros((n_imus, 8, 6)),
         peaks=np.zeros(5),

@@ -7,11 +7,15 @@ A_i        attitude sample i, ned_from_frd                                      
 theta_i    integral of the gyro up to the time of that sample                         rad
 e_i        ``(theta_i - theta_{i-1} - log(A_{i-1}' A_i)) / (t_i - t_{i-1})``: the     rad/s
            gyro's error, if the attitude is right
+psi        heading that the attitude has jumped by, undone before it is used          rad
 =========  =========================================================================  ========
 
 The *median* of e_i since a supposed onset tells a rate from a step: when the attitude jumps (the
 autopilot changes its lane, or aligns its heading anew) a filter sees a rate that fades as the
 inverse of time, but a single increment has jumped and the median stays.
+
+A *heading* that jumps (a reset to another compass, or to the receiver's course) says nothing about
+the gyro: :func:`undo_jump` goes on in the frame from before, which leaves the filters undisturbed.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ from numpy.typing import NDArray
 from estimators.attitude import dcm_from_quaternion
 from estimators.jit import kernel
 
-__all__ = ["TURNS", "forget_turns", "note_turn", "usual_error"]
+__all__ = ["TURNS", "forget_turns", "note_turn", "undo_jump", "usual_error"]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +38,18 @@ LEAST_TURNS = 4
 """Fewer increments since the onset have no median worth the name."""
 LONGEST_TURN_S = 0.6
 """Over a longer interval the body rates do not integrate to a rotation vector."""
+
+JUMP_RAD = 0.05
+JUMPS_APART_S = 2.0
+JUMP_SHARE = 0.3
+"""A heading has jumped when one increment disagrees by three degrees, the one before by less than
+this share of it, and none for two seconds: what goes on is a rate."""
+SLEW_RAD_S = 0.15
+"""An attitude computed from this very gyro that turns otherwise by nine degrees a second is being
+corrected, however long it takes."""
+
+PSI, JUMPED_S = 0, 1
+"""Columns of ``heading``."""
 
 T_S, E, Q, THETA = 0, slice(1, 4), slice(4, 8), slice(8, 11)
 """Columns of a row of ``turns``: time of the sample, e_i (NaN for none), quaternion, integral."""
@@ -73,6 +89,38 @@ def note_turn(turns: Array, t: float, q: Array, theta: Array) -> None:
         j, k = (i + 1) % 3, (i + 2) % 3
         turned = scale * (D[k, j] - D[j, k])
         turns[-1, 1 + i] = (theta[i] - turns[-2, 8 + i] - turned) / dt
+
+
+@kernel
+def _heading_error(row: Array) -> float:
+    """The gyro's error about the vertical by one increment [rad/s]; zero where there is none."""
+    if math.isnan(row[1]):
+        return 0.0
+    A = dcm_from_quaternion(row[4:8].copy())
+    return float(A[2, 0] * row[1] + A[2, 1] * row[2] + A[2, 2] * row[3])
+
+
+@kernel
+def undo_jump(turns: Array, heading: Array, alone: bool) -> None:
+    """Note how far the attitude's heading has just jumped (in place).
+
+    Parameters
+    ----------
+    turns : (TURNS, 11) float64
+    heading : (2,) float64 [rad, s]
+        What must be added to the attitude's heading; when it last jumped.
+    alone : bool
+        The attitude comes from this gyro and nothing else: every fast correction is undone.
+    """
+    t = turns[-1, T_S]
+    dt = t - turns[-2, T_S]
+    e, before = _heading_error(turns[-1]), _heading_error(turns[-2])
+    jumped = abs(e) * dt > JUMP_RAD and abs(before) < JUMP_SHARE * abs(e)
+    jumped = jumped and t - heading[JUMPED_S] > JUMPS_APART_S
+    if jumped:
+        heading[JUMPED_S] = t
+    if jumped or (alone and abs(e) > SLEW_RAD_S):
+        heading[PSI] += e * dt
 
 
 @kernel

@@ -39,6 +39,11 @@ SAME_FAULT = 0.75
 """That a called fault changes, or ends, needs less than that it exists."""
 LASTING = 0.5
 """A gyro disagrees with the attitude by at least this share of its fault in most intervals."""
+SWING = "swing"
+SWING_S = 8.0
+SWING_QUIET = 3.0
+"""What swings has done so over the last eight seconds or so, and is free again when the energy of
+its windows is this small."""
 RELEASE = 0.9
 """Estimate plus one sigma below this share of the physical size is agreement."""
 
@@ -112,14 +117,37 @@ class LoneTest:
         for k, axis in enumerate(unit.axes):
             if not axis.faulty and axis.test == "" and (found is None or k != found.axis):
                 axis.latch.step(r.t_us, False, True)
-        if found is None:
-            return []
+        swung = self._swing(imu)
+        if found is None or swung:
+            return swung
         axis = unit.axes[found.axis]
+        if axis.test == SWING:
+            return []
         if axis.faulty:
             self._fold(imu, found)
         elif axis.latch.step(r.t_us, True, False) is LatchState.FAULTY:
             return [self._call(imu, mode, found, self._other_name(found, close=close))]
         return []
+
+    def _swing(self, imu: int) -> list[Verdict]:
+        """Judge rates that swing to and fro, each half too short for a step to be called."""
+        r = self._record
+        out = []
+        for k in range(3, 6):
+            axis = r.units[imu].axes[k]
+            swings = bank.swings(r.bank, r.tuning, imu, k)
+            z2, f2 = (float(v) for v in r.bank.swing[2 * imu + ATT, :, k])
+            if axis.test == SWING and axis.faulty:
+                if axis.latch.step(r.t_us, swings, z2 < SWING_QUIET) is LatchState.OK:
+                    r.release(imu, k)
+            elif swings and not axis.faulty:
+                axis.test = SWING
+                onset_s = r.now_s - SWING_S
+                axis.latch.force(r.t_us, round(onset_s * US))
+                size = math.sqrt(2.0 * f2)
+                text, score = words.swing_sentence(imu, k, size), (z2, bank.SWING_Z2)
+                out.append(r.fault(imu, k, Kind.OSCILLATION, onset_s, size, score, ESTIMATOR, text))
+        return out
 
     def _other_name(self, found: Found, *, close: bool) -> int | None:
         """The axis that may be the faulty one instead; None when there is no doubt."""

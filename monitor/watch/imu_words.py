@@ -16,6 +16,7 @@ __all__ = [
     "pair_sentence",
     "shown",
     "stuck_sentence",
+    "swing_sentence",
     "unit_of",
     "vote_sentence",
 ]
@@ -97,6 +98,14 @@ def lone_sentence(
         return f"{text} {name} {what}"
     first, second = (GYRO_ACC_AXES[k] for k in sorted((axis, rival)))
     return f"{text} {first} or {second}, likelier {name} {what}"
+
+
+def swing_sentence(imu: int, axis: int, size: float) -> str:
+    """A rate swings to and fro against an attitude with gyros of its own."""
+    return (
+        f"imu{imu} {GYRO_ACC_AXES[axis]} swings by {math.degrees(size):.2g} deg/s against the "
+        "attitude"
+    )
 
 
 def disagreement_sentence(imu: int, other: int, axis: int, *, undecided: bool) -> str:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from estimators.attitude import quaternion_from_rotation_vector, quaternion_product
-from estimators.ins_bank_turns import TURNS, forget_turns, note_turn, usual_error
+from estimators.ins_bank_turns import TURNS, forget_turns, note_turn, undo_jump, usual_error
 
 Array = NDArray[np.float64]
 
@@ -61,3 +61,27 @@ def test_a_hole_in_the_samples_is_not_bridged() -> None:
     note_turn(turns, 4.0, q, np.zeros(3))
     note_turn(turns, 5.0, q, np.ones(3))
     assert np.isnan(turns[:, 1:4]).all()
+
+
+def undone(bias: Array, jump_deg: float, *, alone: bool) -> float:
+    """Heading [deg] undone over a turn in which the attitude's heading jumps by some angle."""
+    turns, heading = np.full((TURNS, 11), np.nan), np.array([0.0, -1e9])
+    for i in range(20):
+        angle = RATE[2] * i * DT + math.radians(jump_deg if i >= 10 else 0.0)
+        q = quaternion_from_rotation_vector(np.array([0.0, 0.0, angle]))
+        note_turn(turns, i * DT, q, (np.array([0.0, 0.0, RATE[2]]) + bias) * (i * DT))
+        undo_jump(turns, heading, alone)
+    return math.degrees(heading[0])
+
+
+@pytest.mark.parametrize("alone", [False, True])
+@pytest.mark.parametrize("jump_deg", [5.0, -30.0, 170.0])
+def test_a_jump_of_the_heading_is_undone(jump_deg: float, alone: bool) -> None:
+    assert undone(np.zeros(3), jump_deg, alone=alone) == pytest.approx(-jump_deg, abs=1e-6)
+
+
+def test_a_rate_is_undone_where_the_attitude_can_only_follow_the_gyro() -> None:
+    fast, slow = np.array([0.0, 0.0, 0.2]), np.array([0.0, 0.0, 0.1])
+    assert undone(fast, 0.0, alone=False) == 0.0
+    assert undone(slow, 0.0, alone=True) == 0.0
+    assert undone(fast, 0.0, alone=True) == pytest.approx(math.degrees(0.2 * 19 * DT), abs=1e-6)

@@ -281,6 +281,71 @@ def test_an_attitude_that_turns_by_itself_is_no_gyro_fault(axis, rate_deg_s) -> 
     assert faults_of(judge(rows)) == []
 
 
+def heading_moved(rows, angle_deg, over_s):
+    """The attitude's heading goes over to another one a minute after the start."""
+    t = (rows["attitude"]["t_us"] - start_us(rows)) * 1e-6 - 60.0
+    share = np.clip(t / over_s, 0.0, 1.0)
+    for row, angle in zip(rows["attitude"], np.radians(angle_deg) * share, strict=True):
+        turn = quaternion_from_rotation_vector(np.array([0.0, 0.0, angle]))
+        row["q_ned_from_frd"] = quaternion_product(turn, row["q_ned_from_frd"].copy())
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "over_s", "independent"),
+    [
+        (20, 0.01, False),
+        (-90, 0.01, False),
+        (180, 0.01, False),
+        (-40, 4.0, False),
+        (5, 0.01, True),
+        (-90, 0.01, True),
+    ],
+)
+def test_a_heading_that_is_reset_is_no_gyro_fault(angle_deg, over_s, independent) -> None:
+    rows = heading_moved(rows_of(scenario("small-uav", imus=1).fly()), angle_deg, over_s)
+    assert faults_of(judge(rows, attitude_independent=independent)) == []
+
+
+def test_after_a_reset_of_the_heading_faults_are_still_found() -> None:
+    broken = [fault("imu0.gyro_x", 3.0, 80.0)]
+    rows = heading_moved(rows_of(scenario("small-uav", broken, imus=1).fly()), 90, 0.01)
+    assert [v.sensor for v in faults_of(judge(rows))] == ["imu0.gyro_x"]
+
+
+@pytest.mark.parametrize(("size_deg_s", "found"), [(1.2, True), (0.3, False)])
+def test_a_small_swing_of_a_rate_is_found_against_an_independent_attitude(
+    size_deg_s, found
+) -> None:
+    rows = rows_of(scenario("transport", imus=1, follows=None).fly())
+    imu = rows["imu0"]
+    t = (imu["t_us"] - start_us(rows)) * 1e-6 - 40.0
+    swing = np.radians(size_deg_s) * np.sin(2.0 * np.pi * t / 4.0)
+    imu["gyro_rad_s"][:, 1] += np.where((t > 0.0) & (t < 40.0), swing, 0.0)
+    verdicts = judge(rows, attitude_independent=True)
+    called = [(v.sensor, v.kind) for v in faults_of(verdicts)]
+    assert called == ([("imu0.gyro_y", Kind.OSCILLATION)] if found else [])
+    if found:
+        assert seconds(rows, faults_of(verdicts)[0]) < 65.0
+        assert "swings" in faults_of(verdicts)[0].evidence
+        last = [v for v in verdicts.verdicts if v.sensor == "imu0.gyro_y"][-1]
+        assert last.state is State.OK
+
+
+@pytest.mark.parametrize(("axis", "size"), [("acc_x", 1.0), ("gyro_y", 2.0)])
+def test_what_looks_alike_is_named_with_its_pair(axis, size) -> None:
+    rows = rows_of(scenario("small-uav", [fault(f"imu0.{axis}", size, 60.0)], imus=1).fly())
+    found = faults_of(judge(rows))
+    assert found[0].sensor in ("imu0.acc_x", "imu0.gyro_y")
+    if found[0].sensor != f"imu0.{axis}":
+        assert "acc_x or gyro_y" in found[0].evidence
+
+
+def test_a_force_too_small_to_be_a_fault_is_not_put_on_the_rate_that_looks_like_it() -> None:
+    rows = rows_of(scenario("small-uav", [fault("imu0.acc_y", 0.4, 60.0)], imus=1).fly())
+    assert faults_of(judge(rows, acc_size_m_s2=0.6)) == []
+
+
 def peaks_of(rows, **settings):
     watch = ImuWatch(ImuSettings(**settings))
     result = watch.step(rows, 1 << 60)
