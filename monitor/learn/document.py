@@ -38,11 +38,21 @@ def document(learnt: Learnt, by_hand: Mapping[str, Any]) -> str:
     head = _HEAD.format(
         airframe=airframe, flights=len(provenance.logs), profile=learnt.settings.profile
     )
-    sections: dict[str, Mapping[str, Any]] = dict(by_hand)
+    sections = dict(_tables(by_hand))
     for change in learnt.changes:
-        sections.setdefault(change.key.partition(".")[0], {})
-    body = [_section(table, own, learnt) for table, own in sections.items()]
+        sections.setdefault(change.key.rpartition(".")[0], {})
+    body = [_section(table, own, learnt) for table, own in sorted(sections.items())]
     return "\n".join([head, *body, _provenance(learnt)])
+
+
+def _tables(values: Mapping[str, Any], name: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Every table within the values by its dotted name, with its plain keys."""
+    plain = {k: v for k, v in values.items() if not isinstance(v, Mapping)}
+    if plain:
+        yield name, plain
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _tables(value, f"{name}.{key}" if name else key)
 
 
 def change_sentence(change: Change) -> str:
@@ -61,20 +71,15 @@ def change_sentence(change: Change) -> str:
 
 def _section(table: str, by_hand: Mapping[str, Any], learnt: Learnt) -> str:
     """One table: keys set by hand, keys learnt, and in comments those kept."""
-    own = {c.key.partition(".")[2]: c for c in learnt.changes if c.key.partition(".")[0] == table}
-    plain = {k: v for k, v in by_hand.items() if not isinstance(v, Mapping) and k not in own}
+    own = {c.key.rpartition(".")[2]: c for c in learnt.changes if c.key.rpartition(".")[0] == table}
     lines = [f"[{table}]"]
-    lines += [f"{key} = {toml_value(value)}" for key, value in plain.items()]
+    lines += [f"{key} = {toml_value(value)}" for key, value in by_hand.items() if key not in own]
     for name, change in own.items():
         lines += textwrap.wrap(
             change_sentence(change), WIDTH, initial_indent="# ", subsequent_indent="# "
         )
         in_force = change.value != change.default or name in by_hand
         lines.append(f"{'' if in_force else '# '}{name} = {change.value!r}")
-    for key, value in by_hand.items():
-        if isinstance(value, Mapping):
-            lines += ["", f"[{table}.{key}]"]
-            lines += [f"{toml_value(k)} = {toml_value(v)}" for k, v in value.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -103,6 +103,21 @@ RULES = (
         floor=8.0,
         power=0.5,
     ),
+    Rule(
+        "air.horizon.margin_one",
+        "airspeed",
+        "the best of 400 explanations (8 kinds, 50 starts) gains ln 400 by chance",
+        floor=6.0,
+        power=0.5,
+        least=2,
+    ),
+    Rule(
+        "air.horizon.margin_all",
+        "airspeed",
+        "without a healthy pitot beside it, as much as the default asks with one",
+        floor=10.0,
+        power=0.5,
+    ),
     Rule("air.min_shift", "airspeed", "a physical size, no statistic", kind=Kind.SIZE),
     Rule(
         "air.gross_ln",

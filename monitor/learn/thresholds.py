@@ -11,6 +11,7 @@ force, on a flight without a verdict, counts as that threshold (the test's other
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -316,16 +317,15 @@ def check_healthy(flights: Iterable[Flight], hint: str = "") -> None:
 
 def default_of(settings: Settings, key: str) -> float:
     """Value of a dotted key."""
-    section, _, name = key.partition(".")
-    return float(getattr(getattr(settings, section), name))
+    return float(functools.reduce(getattr, key.split("."), settings))  # type: ignore[arg-type]
 
 
 def with_keys(settings: Settings, values: dict[str, float]) -> Settings:
     """The settings with these dotted keys over them, validated."""
     raw = settings.model_dump()
     for key, value in values.items():
-        section, _, name = key.partition(".")
-        raw[section][name] = value
+        *tables, name = key.split(".")
+        functools.reduce(dict.__getitem__, tables, raw)[name] = value
     return Settings.model_validate(raw)
 
 

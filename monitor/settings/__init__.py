@@ -82,13 +82,21 @@ def by_hand(profile: str | None, file: Path | None) -> tuple[Settings, dict[str,
     """
     settings = load(profile, file)
     own = _read(file) if file is not None else {}
-    learnt = settings.learnt.keys
-    tables = {
-        table: {k: v for k, v in values.items() if f"{table}.{k}" not in learnt}
-        for table, values in own.items()
-        if isinstance(values, Mapping) and table != "learnt"
-    }
-    return _validated(tables, settings.profile, file), {t: v for t, v in tables.items() if v}
+    tables = _without({k: v for k, v in own.items() if k not in ("profile", "learnt")}, settings)
+    return _validated(tables, settings.profile, file), tables
+
+
+def _without(values: Mapping[str, Any], settings: Settings, prefix: str = "") -> dict[str, Any]:
+    """The values without learnt keys, and without tables that have no others."""
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            rest = _without(value, settings, f"{prefix}{key}.")
+            if rest:
+                out[key] = rest
+        elif prefix + key not in settings.learnt.keys:
+            out[key] = value
+    return out
 
 
 def _validated(own: Mapping[str, Any], profile: str | None, file: Path | None) -> Settings:

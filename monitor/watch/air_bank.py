@@ -236,7 +236,7 @@ class AirBankWatch:
             key: max(float(values[np.isfinite(values)].max()), 0.0)
             for key, values in reached.items()
             if np.isfinite(values).any()
-        }
+        } | self._horizon.reached.peaks()
 
 
 def _air_rows(estimates: NDArray[np.float64], epoch_us: int) -> Rows:

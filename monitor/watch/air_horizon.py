@@ -11,8 +11,9 @@ from estimators.air_horizon import (
     solve_explanation,
 )
 from estimators.air_horizon_judge import conclude, take
-from estimators.air_horizon_stage import G_COUNT, StageLevels
+from estimators.air_horizon_stage import G_ACTIVE, G_COUNT, StageLevels
 from monitor.settings.air import AirSettings
+from monitor.watch.air_horizon_peaks import HorizonPeaks
 
 __all__ = ["Horizon", "horizon_levels", "stage_levels"]
 
@@ -63,6 +64,7 @@ class Horizon:
 
     def __init__(self, air: AirSettings) -> None:
         self._levels = horizon_levels(air)
+        self.reached = HorizonPeaks()
         self._solve_every = air.horizon.solve_stages
         self.memory = new_long_horizon(max(round(air.horizon.horizon_s / air.horizon.stage_s), 10))
 
@@ -77,4 +79,5 @@ class Horizon:
         for h in range(N_EXPLANATIONS):
             if explanations >> h & 1:
                 solve_explanation(z, levels, h)
+        self.reached.note(z, levels, int(stages.memory[G_ACTIVE]))
         return int(conclude(stages, z, levels, state.bank, state.judge, params.limits, log))

@@ -18,7 +18,13 @@ from monitor.learn import Alarm, Flight, Learnt, Outcome, TooLittle, Unfit, docu
 from monitor.learn.levels import LevelMeter
 from monitor.learn.provenance import FROM_THIS_FLIGHT, provenance
 from monitor.learn.rules import RULES, Kind
-from monitor.learn.thresholds import check_alike, check_healthy, raised_levels, widened
+from monitor.learn.thresholds import (
+    check_alike,
+    check_healthy,
+    default_of,
+    raised_levels,
+    widened,
+)
 from monitor.settings import Settings
 from monitor.settings.learnt import LearntLog, LearntSettings
 
@@ -102,7 +108,7 @@ def test_no_threshold_falls_below_its_floor() -> None:
     for rule in RULES:
         pair = {"imus": rule.least, "pitots": rule.least}
         flights = several(rule.key, [0.0] * 8, 20.0, **pair)
-        default = getattr(getattr(DEFAULTS, rule.key.split(".")[0]), rule.key.split(".")[1])
+        default = default_of(DEFAULTS, rule.key)
         value = outcome(learn(flights, DEFAULTS), rule.key)[1]
         lowered = rule.floor is not None and rule.kind is Kind.STATISTIC
         assert value == (rule.floor if lowered else default), rule.key
@@ -262,8 +268,14 @@ def test_levels_are_measured_from_samples() -> None:
 class Fleet:
     """Stands for the pipeline: flights whose alarms and peaks depend on a threshold."""
 
-    def __init__(self, needs: list[float], incurable: bool = False, gps: float = 0.1) -> None:
-        self.needs, self.incurable, self.gps = needs, incurable, gps
+    def __init__(
+        self,
+        needs: list[float],
+        incurable: bool = False,
+        gps: float = 0.1,
+        horizon: float = 0.0,
+    ) -> None:
+        self.needs, self.incurable, self.gps, self.horizon = needs, incurable, gps, horizon
         self.runs: list[Settings] = []
 
     def __call__(self, settings: Settings, doing: str) -> list[Flight]:
@@ -273,7 +285,10 @@ class Fleet:
         return [
             flight(
                 f"{i}.tlog",
-                {"imu.difference_sigma": min(need, 1.01 * limit)},
+                {
+                    "imu.difference_sigma": min(need, 1.01 * limit),
+                    "air.horizon.margin_all": self.horizon,
+                },
                 settings=settings,
                 alarms=alarm if need > limit or self.incurable else (),
                 levels={"gps_noise_m_s": self.gps},
@@ -343,10 +358,12 @@ def test_keys_set_by_hand_are_carried_along_and_learnt_ones_learnt_anew(tmp_path
     mine = tmp_path / "mine.toml"
     mine.write_text(
         'profile = "light-aircraft"\n[imu]\nnoise_ratio = 20.0\nclear_s = 9.0\n'
-        "[links.components]\nimu = [1, 2]\n"
+        "[air.horizon]\nmin_shift = 0.08\n[links.components]\nimu = [1, 2]\n"
     )
     settings, hand = configuration.by_hand(None, mine)
-    learnt = package.calibrate(Fleet([3.0, 5.0, 4.0]), settings)
+    fleet = Fleet([3.0, 5.0, 4.0], horizon=11.0)
+    learnt = package.calibrate(fleet, settings)
+    assert set(learnt.overrides) == {"imu.difference_sigma", "air.horizon.margin_all"}
     file = written(tmp_path, learnt, hand)
     assert configuration.load(None, file) == learnt.settings
     assert configuration.load(None, file).imu.clear_s == 9.0

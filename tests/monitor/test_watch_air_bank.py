@@ -294,6 +294,7 @@ def test_a_limit_above_the_peak_is_not_exceeded_and_one_below_is(
 def test_a_healthy_flight_stays_below_its_limits(watch: AirBankWatch) -> None:
     judged(circuits(200.0), watch)
     limits = AirSettings().model_dump()
+    limits |= {f"horizon.{key}": limit for key, limit in limits["horizon"].items()}
     assert {
         "air.margin_one",
         "air.gross_ln",
