@@ -25,6 +25,7 @@ from monitor.settings.publish import PublishSettings
 from monitor.settings.recorder import RecorderSettings
 from monitor.settings.streams import StreamSettings
 from monitor.settings.triplex import TriplexSettings
+from monitor.settings.vane import VaneSettings
 
 __all__ = ["DEFAULT_PROFILE", "PROFILES", "Settings", "SettingsError", "by_hand", "load", "origins"]
 
@@ -47,6 +48,7 @@ class Settings(Section):
     imu: ImuSettings = Field(default_factory=ImuSettings)
     air: AirSettings = Field(default_factory=AirSettings)
     triplex: TriplexSettings = Field(default_factory=TriplexSettings)
+    vane: VaneSettings = Field(default_factory=VaneSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)

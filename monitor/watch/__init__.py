@@ -12,4 +12,4 @@ __all__ = ["build_watches"]
 
 def build_watches(settings: Settings) -> list[Watch]:
     """The watches that the settings ask for, in the order in which they see the rows."""
-    return [ImuWatch(settings.imu), AirWatch(settings.air, settings.triplex)]
+    return [ImuWatch(settings.imu), AirWatch(settings.air, settings.triplex, settings.vane)]

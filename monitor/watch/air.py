@@ -2,8 +2,8 @@
 
 The choice falls once, at the row at which the aircraft first flies: with three pitots, or with two
 vanes, there is a majority to ask (``air_triplex``); with fewer, wind and GPS are the witnesses
-(``air_bank``). Both see the rows up to then; afterwards only the chosen one works. Beside the bank
-nobody watches a vane, and it is said so.
+(``air_bank``), and a vane beside them is held against their angle of attack (``air_vane``). All see
+the rows up to then; afterwards only the chosen ones work.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from collections.abc import Mapping
 from typing import Literal
 
 from links.samples import Rows, quantity_of
-from links.vocabulary import Reason, State
 from monitor.settings.air import AirSettings
 from monitor.settings.triplex import TriplexSettings
+from monitor.settings.vane import VaneSettings
 from monitor.verdict import StepResult, Verdict, Watch
 from monitor.watch.air_bank import AirBankWatch
 from monitor.watch.air_triplex import AirTriplexWatch
+from monitor.watch.air_vane import AirVaneWatch
 
 __all__ = ["AirWatch"]
 
@@ -27,61 +28,41 @@ class AirWatch:
 
     name = "air"
 
-    def __init__(self, air: AirSettings, triplex: TriplexSettings) -> None:
+    def __init__(
+        self, air: AirSettings, triplex: TriplexSettings, vane: VaneSettings | None = None
+    ) -> None:
         self._bank = AirBankWatch(air)
         self._triplex: Watch = AirTriplexWatch(triplex)
+        self._vane = AirVaneWatch(vane or VaneSettings())
         self.quantities = self._bank.quantities | self._triplex.quantities
         self._method: Literal["auto", "bank", "triplex"] = air.method
         self._chosen: Watch | None = None
         self._chosen_us = 0
         self._first_us: dict[str, int] = {}
-        self._vanes: list[str] = []
-        self._flying = False
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""
         if self._chosen is self._triplex:
             return self._chosen.step(rows, until_us)
-        if self._chosen is self._bank:
-            result = self._bank.step(rows, until_us)
-            return StepResult(self._with_vanes(result.verdicts, rows), result.estimates)
-        self._choose(rows)
+        chosen_before = self._chosen is self._bank
+        if not chosen_before:
+            self._choose(rows)
         bank = self._bank.step(rows, until_us)
+        vanes = self._vane.step(rows, bank.estimates.get("air"), bank.verdicts)
+        if chosen_before:
+            return StepResult(_in_order(bank.verdicts, vanes), bank.estimates)
         triplex = self._triplex.step(rows, until_us)
-        chosen = triplex if self._chosen is self._triplex else bank
+        chosen, beside = (triplex, []) if self._chosen is self._triplex else (bank, vanes)
         verdicts = (
             [v for v in bank.verdicts if quantity_of(v.sensor) != "aoa" and self._before(v)]
             + [v for v in triplex.verdicts if quantity_of(v.sensor) == "aoa" and self._before(v)]
-            + [v for v in chosen.verdicts if not self._before(v)]
+            + [v for v in _in_order(chosen.verdicts, beside) if not self._before(v)]
         )
-        return StepResult(
-            self._with_vanes(verdicts, rows),
-            {} if self._chosen is None else self._after(chosen.estimates),
-        )
+        return StepResult(verdicts, {} if self._chosen is None else self._after(chosen.estimates))
 
     def peaks(self) -> dict[str, float]:
         """What the chosen estimator's test quantities reached, by settings key."""
         return {} if self._chosen is None else self._chosen.peaks()
-
-    def _with_vanes(self, verdicts: list[Verdict], rows: Mapping[str, Rows]) -> list[Verdict]:
-        """The verdicts and, when the bank is chosen, why no vane has one of its own."""
-        events: list[tuple[int, int, str, bool]] = []
-        for sensor, new in rows.items():
-            if sensor == "phase":
-                events += [(int(r["t_us"]), int(r["seq"]), sensor, bool(r["flying"])) for r in new]
-            elif quantity_of(sensor) == "aoa" and sensor not in self._vanes and len(new):
-                events.append((int(new["t_us"][0]), int(new["seq"][0]), sensor, False))
-        said: list[Verdict] = []
-        for t_us, _, sensor, flying in sorted(events):
-            if sensor == "phase":
-                self._flying, concerned = flying, self._vanes
-            else:
-                self._vanes.append(sensor)
-                concerned = [sensor]
-            if self._chosen is self._bank and t_us >= self._chosen_us:
-                reason = Reason.NO_WATCH if self._flying else Reason.ON_GROUND
-                said += [Verdict(t_us, vane, State.UNMONITORED, reason) for vane in concerned]
-        return sorted(verdicts + said, key=lambda v: v.t_us) if said else verdicts
 
     def _before(self, verdict: Verdict) -> bool:
         return self._chosen is None or verdict.t_us < self._chosen_us
@@ -102,3 +83,8 @@ class AirWatch:
         many = pitots >= 3 or len(seen) - pitots >= 2
         use_triplex = self._method == "triplex" or (self._method == "auto" and many)
         self._chosen = self._triplex if use_triplex else self._bank
+
+
+def _in_order(verdicts: list[Verdict], more: list[Verdict]) -> list[Verdict]:
+    """Both in order of time."""
+    return sorted(verdicts + more, key=lambda v: v.t_us) if more else verdicts

@@ -181,7 +181,7 @@ def mean_wind(flight: Flight) -> Floats:
 def examine(flight: Flight, batch: Batch | None = None) -> Result:
     """Run the air watch over a flight and compare with truth."""
     settings = load_settings(flight.scenario.aircraft)
-    pipeline = Pipeline(settings, watches=[AirWatch(settings.air, settings.triplex)])
+    pipeline = Pipeline(settings, watches=[AirWatch(settings.air, settings.triplex, settings.vane)])
     steps = [pipeline.feed(batch_of(flight) if batch is None else batch), pipeline.finish()]
     rows = np.concatenate([s.estimates["air"] for s in steps if "air" in s.estimates])
     t = rows["t_us"] * 1e-6 - flight.scenario.start.boot_s

@@ -1,4 +1,4 @@
-"""The choice between bank and vote: every vane without a watch is said to have none."""
+"""The choice between bank and vote, and what becomes of a vane beside the bank."""
 
 import itertools
 
@@ -40,17 +40,17 @@ def judged(rows: Flight, cuts_s: tuple[float, ...] = ()) -> list[Verdict]:
 
 
 @pytest.mark.parametrize("pitots", [1, 2])
-def test_a_vane_beside_the_bank_has_no_watch_in_flight(pitots: int) -> None:
+def test_a_vane_beside_the_bank_is_learnt_in_flight(pitots: int) -> None:
     mine = [v for v in judged(flight(pitots)) if v.sensor == "aoa0"]
     assert {v.state for v in mine} == {State.UNMONITORED}
-    assert [v.reason for v in mine] == [Reason.ON_GROUND, Reason.NO_WATCH, Reason.ON_GROUND]
+    assert [v.reason for v in mine] == [Reason.ON_GROUND, Reason.LEARNING, Reason.ON_GROUND]
     assert [v.t_us for v in mine[1:]] == [TAKE_OFF_S * 1e6, LANDING_S * 1e6]
 
 
-def test_a_vane_that_appears_in_flight_has_no_watch_from_its_first_sample() -> None:
+def test_a_vane_that_appears_in_flight_is_learnt_from_its_first_sample() -> None:
     mine = [v for v in judged(flight(1, vane_from_s=12.0)) if v.sensor == "aoa0"]
     assert [(v.reason, v.t_us) for v in mine] == [
-        (Reason.NO_WATCH, 12e6),
+        (Reason.LEARNING, 12e6),
         (Reason.ON_GROUND, LANDING_S * 1e6),
     ]
 
