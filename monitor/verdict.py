@@ -81,7 +81,11 @@ AIR_ESTIMATE = np.dtype(
         ("wind_std_ned_m_s", "<f8", (3,)),
     ]
 )
-"""Estimates named ``air``; what is not observable is NaN."""
+"""Estimates named ``air``; what is not observable is NaN.
+
+The wind is the mean wind, without gusts; airspeeds and angles are of the moment, gusts included.
+Without vanes the vertical wind is not observable: it is zero with the deviation that says so.
+"""
 
 IMU_ESTIMATE = np.dtype(
     [
