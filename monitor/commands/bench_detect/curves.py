@@ -53,7 +53,8 @@ def picture(document: Json) -> str:
         )
         for j, quantity in enumerate(columns):
             left = LEFT + j * (WIDTH + GAP_X)
-            parts += _panel(group, quantity, left, top, colours, document["trials"])
+            if _lines(group, quantity, document["trials"]):
+                parts += _panel(group, quantity, left, top, colours, document["trials"])
             if i == 0:
                 parts.append(f'<text x="{left:.0f}" y="{top - 12:.0f}">{COLUMNS[quantity]}</text>')
     for k, name in enumerate(names):
