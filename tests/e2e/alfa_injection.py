@@ -1,6 +1,6 @@
 """How soon faults injected into the recorded ALFA flights are found, and who is blamed.
 
-    python tests/e2e/alfa_injection.py [--data ../shared/data] [--json FILE] [--only pitot|imu]
+    python tests/e2e/alfa_injection.py [--data ../shared/data] [--json FILE] [--only pitot|imu] [--thin N]
 
 Real flights of a 2 kg aircraft: IMU at 10 Hz, attitude at 2.5 Hz, GPS at 5 Hz, one pitot. A fault
 is injected into the decoded rows (:class:`sim_feeds.injection.RowInjector`) from an onset on, and
@@ -278,6 +278,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=root.parent / "shared" / "data")
     parser.add_argument("--json", type=Path, help="write all delays here")
     parser.add_argument("--only", choices=("pitot", "imu"))
+    parser.add_argument("--thin", type=int, default=1, help="onsets this many times further apart")
     parser.add_argument("--missed", action="store_true", help="list the trials not found")
     asked = parser.parse_args(argv)
     settings = load(None, None)
@@ -291,7 +292,7 @@ def main(argv: list[str] | None = None) -> None:
     print(HEAD, flush=True)
     missed: list[str] = []
     false: dict[str, set[str]] = {}
-    for e in experiments:
+    for e in (replace(e, step_s=e.step_s * asked.thin) for e in experiments):
         tallies, own = run(e, asked.data, settings)
         false.setdefault(e.name, set()).update(own)
         every = Tally()
