@@ -25,6 +25,7 @@ fault did to the wind is undone with it.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,7 @@ __all__ = [
     "N_HYPOTHESES",
     "WIND_CHANGED",
     "Bank",
+    "WindBounds",
     "accept_wind",
     "adopt",
     "bank_step",
@@ -72,6 +74,24 @@ EARLY_S = 3.0
 _SCALE0 = SCALE.start
 
 
+class WindBounds(NamedTuple):
+    """Winds that an explanation may claim.
+
+    Attributes
+    ----------
+    horizontal_m_s, vertical_m_s : float [m/s]
+        Largest mean wind.
+    change_m_s, base_s : float [m/s], [s]
+        Largest change of the horizontal wind within ``base_s``; over a longer time it may grow
+        with the square root of the time, as a random walk does.
+    """
+
+    horizontal_m_s: float
+    vertical_m_s: float
+    change_m_s: float
+    base_s: float
+
+
 class Bank(NamedTuple):
     """All filters of the bank; arrays are changed in place.
 
@@ -87,6 +107,8 @@ class Bank(NamedTuple):
         Start of each generation, NaN where free.
     ref, ref_var : (14, 3) float64 [1]
         Scales of the master at that start, and their variances.
+    ref_wind : (14, 2) float64 [m/s]
+        Its horizontal wind there.
     early : (14, 8, 3) float64 [1]
         Scales some seconds after the start: tells a step from a drift.
     """
@@ -99,6 +121,7 @@ class Bank(NamedTuple):
     born: Array
     ref: Array
     ref_var: Array
+    ref_wind: Array
     early: Array
 
 
@@ -114,6 +137,7 @@ def new_bank() -> Bank:
         born=np.full(g, np.nan),
         ref=np.zeros((g, N_PITOTS)),
         ref_var=np.zeros((g, N_PITOTS)),
+        ref_wind=np.zeros((g, 2)),
         early=np.zeros((g, h, N_PITOTS)),
     )
 
@@ -182,6 +206,8 @@ def spawn(
     """
     g = _slot(bank.born, t, age_max_s)
     bank.born[g] = t
+    for i in range(2):
+        bank.ref_wind[g, i] = bank.x[i]
     for i in range(N_PITOTS):
         bank.ref[g, i] = bank.x[_SCALE0 + i]
         bank.ref_var[g, i] = bank.P[_SCALE0 + i, _SCALE0 + i]
@@ -229,13 +255,16 @@ def bank_step(
         Variance gained over the step.
     q_shifted : float
         Variance that the k of shifted pitots gain together: what breaks several pitots at once
-        (ice, a leak in the common line) moves them alike.
-
+        (ice, a leak in the common line) moves them alike. A changed wind goes on changing as fast
+        along the nose: what a scale may follow of a drifting airspeed the wind may follow too.
     See :func:`estimators.air_data_3d.pitot_update` for the others.
     """
     predict(bank.x, bank.P, phi, q)
     null = lateral_update(bank.x, bank.P, V, e_y, R_lateral, gate)
     null += pitot_update(bank.x, bank.P, V, y, use, ln_sigma, R_common, R_own, gate)
+    d = np.empty(2)
+    for i in range(2):
+        d[i] = V[i] - bank.x[i]
     for g in range(N_GENERATIONS):
         if np.isnan(bank.born[g]):
             continue
@@ -244,6 +273,10 @@ def bank_step(
                 continue
             x, P = bank.hx[g, h], bank.hP[g, h]
             predict(x, P, phi, q)
+            if h == WIND_CHANGED:
+                for i in range(2):
+                    for j in range(2):
+                        P[i, j] += q_shifted * d[i] * d[j]
             for i in range(N_PITOTS):
                 for j in range(N_PITOTS):
                     if (h >> i) & (h >> j) & 1:
@@ -257,13 +290,23 @@ def bank_step(
 
 
 @kernel
-def survey(bank: Bank, wind_max_m_s: float, top: Array, where: NDArray[np.int64]) -> None:
-    """Best generation of every explanation.
+def _possible(bank: Bank, bounds: WindBounds, g: int, h: int, change_m_s: float) -> bool:
+    """Whether the wind of an explanation, and its change since the start, are within bounds."""
+    x = bank.hx[g, h]
+    if x[0] ** 2 + x[1] ** 2 > bounds.horizontal_m_s**2 or abs(x[2]) > bounds.vertical_m_s:
+        return False
+    change2 = (x[0] - bank.ref_wind[g, 0]) ** 2 + (x[1] - bank.ref_wind[g, 1]) ** 2
+    return bool(change2 <= change_m_s**2)
 
-    Explanations whose horizontal wind is beyond the bound do not compete.
+
+@kernel
+def survey(bank: Bank, bounds: WindBounds, t: float, top: Array, where: NDArray[np.int64]) -> None:
+    """Best generation of every explanation; one whose wind is out of bounds does not compete.
 
     Parameters
     ----------
+    t : float [s]
+        Now.
     top : (8,) float64 [nat]
         Receives ``max(L[:, h])``, -inf where none competes.
     where : (8,) int64
@@ -274,9 +317,9 @@ def survey(bank: Bank, wind_max_m_s: float, top: Array, where: NDArray[np.int64]
     for g in range(N_GENERATIONS):
         if np.isnan(bank.born[g]):
             continue
+        change = bounds.change_m_s * math.sqrt(max((t - bank.born[g]) / bounds.base_s, 1.0))
         for h in range(N_HYPOTHESES):
-            x = bank.hx[g, h]
-            if bank.L[g, h] > top[h] and x[0] ** 2 + x[1] ** 2 <= wind_max_m_s**2:
+            if bank.L[g, h] > top[h] and _possible(bank, bounds, g, h, change):
                 top[h], where[h] = bank.L[g, h], g
 
 

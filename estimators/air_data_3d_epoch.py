@@ -359,6 +359,7 @@ def use_epoch(
         s[S_RESIDUAL] = math.log(s[S_SHOWN] / s[S_EXPECT])
     quiet = _quiet(air, par, known, t)
     long_enough = t - memory[FLYING_SINCE] >= f.learn_s
+    gust = air.noise[GUST_STD] / out[3]
     if judge_epoch(
         judge,
         par.limits,
@@ -371,6 +372,7 @@ def use_epoch(
         memory[LN_N_STD],
         quiet,
         long_enough,
+        gust,
         top,
         where,
     ):
@@ -395,7 +397,7 @@ def use_epoch(
         q,
     )
     if learnt != 0:
-        note_evidence(air.peaks, t, par.limits, bank, top, where, learnt)
+        note_evidence(air.peaks, t, par.limits, bank, top, where, learnt, gust)
         if t - memory[T_SPAWN] >= f.spawn_s:
             spawn(bank, t, learnt, f.jump_scale, f.jump_wind_m_s, f.age_max_s)
             memory[T_SPAWN] = t

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_data_3d import N_PITOTS, SCALE
-from estimators.air_data_3d_bank import N_HYPOTHESES, Bank, evidence, parsimony
-from estimators.air_peaks import MARGIN_ALL, MARGIN_ONE, MIN_SHIFT, note
+from estimators.air_data_3d_bank import N_HYPOTHESES, Bank, WindBounds, evidence
+from estimators.air_peaks import MARGIN_ALL, MARGIN_ONE, MARGIN_SINGLE, MIN_SHIFT, note
 from estimators.jit import kernel
 
 __all__ = ["JudgeLimits", "convicted", "margin_of", "note_evidence"]
@@ -23,10 +23,11 @@ class JudgeLimits(NamedTuple):
 
     margin_one: float
     margin_all: float
+    margin_single: float
     margin_wind: float
     confirm_s: float
     min_shift: float
-    wind_max_m_s: float
+    wind: WindBounds
     learnt_scale_std: float
     lost_scale_std: float
     readmit_shift: float
@@ -38,7 +39,53 @@ class JudgeLimits(NamedTuple):
 @kernel
 def margin_of(limits: JudgeLimits, mask: int, active: int) -> float:
     """Evidence that a verdict on the pitots of ``mask`` takes."""
-    return limits.margin_all if mask == active else limits.margin_one
+    if mask != active:
+        return limits.margin_one
+    return limits.margin_single if mask & (mask - 1) == 0 else limits.margin_all
+
+
+@kernel
+def least_of(limits: JudgeLimits, mask: int, active: int, gust: float) -> float:
+    """Shift that a verdict on the pitots of ``mask`` takes.
+
+    With no other pitot as witness, gusts are part of what the shift is measured against.
+    """
+    return limits.min_shift + (gust if mask == active else 0.0)
+
+
+@kernel
+def _least_shift(bank: Bank, g: int, h: int, mask: int) -> float:
+    """Least shift of the pitots of ``mask`` since the start of an explanation.
+
+    Zero when they shift in opposite directions: what breaks several pitots at once moves them
+    alike, and what else breaks them breaks them one after the other.
+    """
+    least, most = np.inf, -np.inf
+    for i in range(N_PITOTS):
+        if (mask >> i) & 1:
+            shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
+            least, most = min(least, shift), max(most, shift)
+    return float(max(least, -most, 0.0))
+
+
+@kernel
+def gain_of_blaming_more(
+    limits: JudgeLimits, bank: Bank, top: Array, where: NDArray[np.int64], mask: int
+) -> float:
+    """What blaming more pitots than those of ``mask`` would gain at most [nat].
+
+    An explanation that hardly moves the others blames nobody more.
+    """
+    more = -np.inf
+    for h in range(N_HYPOTHESES):
+        if h != mask and h & mask == mask and where[h] >= 0:
+            moved = 0.0
+            for i in range(N_PITOTS):
+                if ((h & ~mask) >> i) & 1:
+                    moved = max(moved, _least_shift(bank, where[h], h, 1 << i))
+            if moved > limits.min_shift:
+                more = max(more, top[h])
+    return float(more - top[mask])
 
 
 @kernel
@@ -48,8 +95,19 @@ def convicted(
     top: Array,
     where: NDArray[np.int64],
     active: int,
+    gust: float,
 ) -> int:
-    """Smallest set of pitots whose evidence and shifts suffice for a verdict; 0 when none does."""
+    """Smallest set of pitots whose evidence and shifts suffice for a verdict; 0 when none does.
+
+    Parameters
+    ----------
+    top, where : (8,) float64 [nat], (8,) int64
+        Evidence of each explanation and its generation.
+    active : int
+        Bit mask of the pitots under judgement.
+    gust : float [1]
+        Gust intensity as a share of the airspeed.
+    """
     for size in range(1, N_PITOTS + 1):
         for h in range(1, N_HYPOTHESES):
             g = where[h]
@@ -57,14 +115,12 @@ def convicted(
             if bits != size or g < 0 or (h & active) != h:
                 continue
             margin = margin_of(limits, h, active)
-            if not evidence(top, h) > margin or parsimony(top, h) > 0.5 * limits.margin_one:
+            if (
+                not evidence(top, h) > margin
+                or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
+            ):
                 continue
-            shifted = True
-            for i in range(N_PITOTS):
-                shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
-                if (h >> i) & 1 and not abs(shift) > limits.min_shift:
-                    shifted = False
-            if shifted:
+            if _least_shift(bank, g, h, h) > least_of(limits, h, active, gust):
                 return h
     return 0
 
@@ -78,28 +134,33 @@ def note_evidence(
     top: Array,
     where: NDArray[np.int64],
     active: int,
+    gust: float,
 ) -> None:
     """Note how near the explanations came to a verdict; parameters as of :func:`convicted`.
 
     Each of the two conditions of a verdict, evidence and shift, is noted where the other holds.
     """
-    one, every, shift = 0.0, 0.0, 0.0
+    one, every, single, shift = 0.0, 0.0, 0.0, 0.0
     for h in range(1, N_HYPOTHESES):
         g = where[h]
-        if g < 0 or (h & active) != h or parsimony(top, h) > 0.5 * limits.margin_one:
+        if (
+            g < 0
+            or (h & active) != h
+            or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
+        ):
             continue
-        e, least = evidence(top, h), np.inf
-        for i in range(N_PITOTS):
-            if (h >> i) & 1:
-                least = min(least, abs(bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]))
+        e, least = evidence(top, h), _least_shift(bank, g, h, h)
         if e > margin_of(limits, h, active):
-            shift = max(shift, least)
-        if least <= limits.min_shift:
+            shift = max(shift, least - (least_of(limits, h, active, gust) - limits.min_shift))
+        if not least > least_of(limits, h, active, gust):
             continue
-        if h == active:
-            every = max(every, e)
-        else:
+        if h != active:
             one = max(one, e)
+        elif h & (h - 1) == 0:
+            single = max(single, e)
+        else:
+            every = max(every, e)
     note(peaks, MARGIN_ONE, t, one, limits.confirm_s)
     note(peaks, MARGIN_ALL, t, every, limits.confirm_s)
+    note(peaks, MARGIN_SINGLE, t, single, limits.confirm_s)
     note(peaks, MIN_SHIFT, t, shift, limits.confirm_s)

@@ -181,13 +181,19 @@ def set_status(
 
 
 @kernel
-def _agreeing(judge: Judge, limits: JudgeLimits, but: int) -> int:
-    """Bit mask of the judged pitots outside ``but`` that show what the filters expect."""
+def _agreeing(judge: Judge, limits: JudgeLimits, but: int, error: float) -> int:
+    """Bit mask of the judged pitots outside ``but`` that show what the filters expect.
+
+    Parameters
+    ----------
+    error : float [1]
+        ln of what an explanation expects over what the master does.
+    """
     mask = 0
     for i in range(N_PITOTS):
         s = judge.sensor[i]
         judged = s[S_STATUS] == OK or s[S_STATUS] == SUSPECT
-        if judged and not (but >> i) & 1 and abs(s[S_RESIDUAL]) < limits.min_shift:
+        if judged and not (but >> i) & 1 and abs(s[S_RESIDUAL] - error) < limits.min_shift:
             mask |= 1 << i
     return mask
 
@@ -238,7 +244,7 @@ def accuse_by_check(
     if g >= 0:
         adopt(bank, g, 1 << i)
     clear(bank)
-    agree = _agreeing(judge, limits, 1 << i)
+    agree = _agreeing(judge, limits, 1 << i, 0.0)
     _accuse(judge, log, t, i, 1 << i, agree, 0.0, check, onset, stat, limit)
 
 
@@ -256,8 +262,13 @@ def accuse_together(
     stat: float,
     limit: float,
 ) -> None:
-    """Pitot i, one of the mask ``together``, is faulty; the filters are the caller's to mend."""
-    agree = _agreeing(judge, limits, together)
+    """Pitot i, one of the mask ``together``, is faulty; the filters are the caller's to mend.
+
+    What it should show is in its state already.
+    """
+    s = judge.sensor[i]
+    error = s[S_RESIDUAL] + math.log(s[S_EXPECT] / s[S_SHOWN])
+    agree = _agreeing(judge, limits, together, error)
     _accuse(judge, log, t, i, together, agree, drift, check, onset, stat, limit)
 
 
@@ -275,7 +286,11 @@ def _accuse_by_bank(
 ) -> None:
     """Explanation h of generation g has won: its pitots are faulty and it is the master now."""
     margin = margin_of(limits, h, active)
-    agree = _agreeing(judge, limits, h)
+    error = 0.0
+    for i in range(N_PITOTS):
+        if (h >> i) & 1:
+            error = judge.sensor[i, S_RESIDUAL] + bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
+    agree = _agreeing(judge, limits, h, error)
     age = t - bank.born[g]
     for i in range(N_PITOTS):
         if (h >> i) & 1:
@@ -391,6 +406,7 @@ def judge_epoch(
     n_std: float,
     quiet: int,
     long_enough: bool,
+    gust: float,
     top: Array,
     where: NDArray[np.int64],
 ) -> bool:
@@ -406,13 +422,15 @@ def judge_epoch(
         Bit mask of pitots that neither stand still nor scatter.
     long_enough : bool
         The aircraft has flown long enough to have learnt anything.
+    gust : float [1]
+        Gust intensity as a share of the airspeed.
     top : (8,) float64 and where : (8,) int64
         Work space for the evidence.
     """
     memory = judge.memory
     changed = False
-    survey(bank, limits.wind_max_m_s, top, where)
-    h = convicted(limits, bank, top, where, active)
+    survey(bank, limits.wind, t, top, where)
+    h = convicted(limits, bank, top, where, active, gust)
     if h == 0 or h != memory[J_HELD_MASK]:
         memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(h), t
     elif t - memory[J_HELD_SINCE] >= limits.confirm_s:

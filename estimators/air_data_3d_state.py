@@ -97,7 +97,7 @@ class AirState(NamedTuple):
     noise : (30,) float64
     check : (3, 15) float64
     swing : (3, 12) float64
-    peaks : (14, 3) float64
+    peaks : (15, 3) float64
         How near to the limits the flight came, see :mod:`estimators.air_peaks`.
     stages
         Epochs on their way to the long horizon (:mod:`estimators.air_horizon_judge`).

@@ -10,7 +10,8 @@ row          quantity                                                      unit
 ===========  ============================================================  =========
 MARGIN_ONE   evidence against one of several pitots whose shift is large   nat
              enough
-MARGIN_ALL   the same for a single pitot or for all of them                nat
+MARGIN_ALL   the same for all of several                                   nat
+MARGIN_SINGLE  the same for a single pitot                                 nat
 MIN_SHIFT    shift of ln scale of a pitot with evidence enough             1
 APART        lasting difference of GPS and autopilot velocity              m/s
 NOISE        white noise of GPS velocity beyond the autopilot's            m/s
@@ -35,6 +36,7 @@ __all__ = [
     "GROSS_LN",
     "MARGIN_ALL",
     "MARGIN_ONE",
+    "MARGIN_SINGLE",
     "MIN_SHIFT",
     "NOISE",
     "NOISE_RMS",
@@ -46,17 +48,17 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-MARGIN_ONE, MARGIN_ALL, MIN_SHIFT, APART, NOISE = range(5)
+MARGIN_ONE, MARGIN_ALL, MARGIN_SINGLE, MIN_SHIFT, APART, NOISE = range(6)
 # One row for each pitot from here on.
-GROSS_LN, NOISE_RMS, DEAD_WIND = 5, 8, 11
-N_PEAKS = 14
+GROSS_LN, NOISE_RMS, DEAD_WIND = 6, 9, 12
+N_PEAKS = 15
 
 # Columns: begin of the block, its least value, the greatest of all blocks.
 BLOCK_SINCE, BLOCK_LEAST, PEAK = range(3)
 
 
 def new_peaks() -> Array:
-    """Nothing seen yet, shape (14, 3)."""
+    """Nothing seen yet, shape (15, 3)."""
     return np.full((N_PEAKS, 3), np.nan)
 
 
@@ -66,7 +68,7 @@ def note(peaks: Array, row: int, t: float, value: float, hold_s: float) -> None:
 
     Parameters
     ----------
-    peaks : (14, 3) float64, changed in place
+    peaks : (15, 3) float64, changed in place
     value : float
         NaN where the quantity means nothing now.
     """

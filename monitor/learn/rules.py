@@ -118,6 +118,14 @@ RULES = (
         floor=10.0,
         power=0.5,
     ),
+    Rule(
+        "air.margin_single",
+        "airspeed",
+        "the best of 100 explanations (2 kinds, 50 starts) gains ln 100 by chance",
+        floor=5.0,
+        power=0.5,
+        most=1,
+    ),
     Rule("air.min_shift", "airspeed", "a physical size, no statistic", kind=Kind.SIZE),
     Rule(
         "air.gross_ln",

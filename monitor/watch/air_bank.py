@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_checks import CheckLimits
+from estimators.air_data_3d_bank import WindBounds
 from estimators.air_data_3d_judge import N_LOG, JudgeLimits
 from estimators.air_data_3d_noise import NoiseLevels
 from estimators.air_data_3d_stream import (
@@ -32,6 +33,7 @@ from estimators.air_peaks import (
     GROSS_LN,
     MARGIN_ALL,
     MARGIN_ONE,
+    MARGIN_SINGLE,
     MIN_SHIFT,
     NOISE,
     NOISE_RMS,
@@ -63,6 +65,7 @@ class _Events(NamedTuple):
 _PEAKS = {
     "air.margin_one": slice(MARGIN_ONE, MARGIN_ONE + 1),
     "air.margin_all": slice(MARGIN_ALL, MARGIN_ALL + 1),
+    "air.margin_single": slice(MARGIN_SINGLE, MARGIN_SINGLE + 1),
     "air.min_shift": slice(MIN_SHIFT, MIN_SHIFT + 1),
     "air.reference_apart_m_s": slice(APART, APART + 1),
     "air.reference_noise_m_s": slice(NOISE, NOISE + 1),
@@ -123,10 +126,13 @@ def params(settings: AirSettings) -> AirParams:
         JudgeLimits(
             margin_one=s.margin_one,
             margin_all=s.margin_all,
+            margin_single=s.margin_single,
             margin_wind=s.margin_wind,
             confirm_s=s.confirm_s,
             min_shift=s.min_shift,
-            wind_max_m_s=s.wind_max_m_s,
+            wind=WindBounds(
+                s.wind_max_m_s, s.wind_down_max_m_s, s.wind_change_max_m_s, s.wind_change_base_s
+            ),
             learnt_scale_std=s.learnt_scale_std,
             lost_scale_std=s.lost_scale_std,
             readmit_shift=s.readmit_shift,

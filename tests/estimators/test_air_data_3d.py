@@ -9,6 +9,7 @@ from estimators import air_data_3d as air
 from estimators import air_data_3d_bank as bank_module
 from estimators.air_data_3d_bank import (
     WIND_CHANGED,
+    WindBounds,
     accept_wind,
     adopt,
     bank_step,
@@ -16,6 +17,7 @@ from estimators.air_data_3d_bank import (
     new_bank,
     spawn,
 )
+from estimators.air_data_3d_evidence import JudgeLimits, convicted
 from estimators.baselines import numpy_twins_air3d as twin
 
 NO_GATE = 1e9
@@ -131,6 +133,9 @@ def test_bank_step_runs_every_filter_as_its_twin() -> None:
     log_likelihood = {}
     for h, (x, P) in filters.items():
         x, P = twin.predict(x, P, phi, q)
+        if h == WIND_CHANGED:
+            along = (V - filters[None][0][:3])[:2]
+            P[:2, :2] += 3e-4 * np.outer(along, along)
         shifted = [6 + i for i in range(2) if h is not None and h >> i & 1]
         P[np.ix_(shifted, shifted)] += 3e-4
         H = np.array(
@@ -169,7 +174,7 @@ def test_evidence_is_its_twin_and_parsimony_prefers_few() -> None:
     bank.born[:] = np.arange(14.0)
     bank.L[:] = rng.normal(0, 10, bank.L.shape)
     top, where = np.empty(8), np.empty(8, np.int64)
-    bank_module.survey(bank, 1e9, top, where)
+    bank_module.survey(bank, WindBounds(1e9, 1e9, 1e9, 1.0), 20.0, top, where)
     for mask in range(1, 8):
         want = twin.evidence(bank.L, mask)
         assert bank_module.evidence(top, mask) == pytest.approx(want, abs=1e-12)
@@ -183,12 +188,78 @@ def test_explanations_beyond_the_wind_bound_do_not_compete() -> None:
     bank, *_ = started_bank()
     spawn(bank, 0.0, 0b1, 1.0, 6.0, 150.0)
     bank.L[0, :2] = 50.0, 10.0
-    bank.hx[0, WIND_CHANGED, :2] = 40.0, 0.0
-    bank.hx[0, 1, :2] = 3.0, 0.0
+    x, start = bank.hx[0, WIND_CHANGED], bank.ref_wind[0].copy()
+    bounds = WindBounds(horizontal_m_s=30.0, vertical_m_s=8.0, change_m_s=10.0, base_s=20.0)
+
+    def competes(t: float, wind: np.ndarray, down: float = 0.0) -> bool:
+        x[:2], x[2] = wind, down
+        bank.ref_wind[0] = start
+        bank.hx[0, 1, :3] = *start, 0.0
+        top, where = np.empty(8), np.empty(8, np.int64)
+        bank_module.survey(bank, bounds, t, top, where)
+        assert top[1] == 10.0
+        return bool(top[WIND_CHANGED] == 50.0)
+
+    unit = np.array([0.6, 0.8])
+    assert competes(1.0, start)
+    assert not competes(1.0, start, 8.1)
+    assert not competes(1.0, start, -8.1)
+    assert competes(1.0, start + 9.9 * unit)
+    assert not competes(1.0, start + 10.1 * unit)
+    assert not competes(20.0, start + 10.1 * unit)
+    assert competes(80.0, start + 19.9 * unit)
+    assert not competes(80.0, start + 20.1 * unit)
+    assert not competes(1000.0, 30.1 * unit)
+
+
+LIMITS = JudgeLimits(
+    margin_one=8.0,
+    margin_all=15.0,
+    margin_single=6.0,
+    margin_wind=6.0,
+    confirm_s=1.0,
+    min_shift=0.075,
+    wind=WindBounds(1e9, 1e9, 1e9, 1.0),
+    learnt_scale_std=0.045,
+    lost_scale_std=0.07,
+    readmit_shift=0.04,
+    readmit_unlearnt=0.15,
+    readmit_s=10.0,
+    suspect_clear_s=5.0,
+)
+
+
+def verdict_of(L: list[float], shifts: dict[int, list[float]], active: int, gust: float) -> int:
+    """Pitots convicted by log-likelihoods of the first explanations with these shifts of k."""
+    bank, *_ = started_bank()
+    spawn(bank, 0.0, active, 1.0, 6.0, 150.0)
+    bank.L[0, : len(L)] = L
+    for h, shift in shifts.items():
+        bank.hx[0, h, 6 : 6 + len(shift)] = bank.ref[0, : len(shift)] + shift
     top, where = np.empty(8), np.empty(8, np.int64)
-    bank_module.survey(bank, 30.0, top, where)
-    assert top[WIND_CHANGED] == -np.inf
-    assert top[1] == 10.0
+    bank_module.survey(bank, LIMITS.wind, 1.0, top, where)
+    return convicted(LIMITS, bank, top, where, active, gust)
+
+
+@pytest.mark.parametrize(
+    ("L", "both", "want"),
+    [
+        ([0.0, 12.0, 2.0, 13.0], [0.15, 0.15], 0b01),  # one explains all but little
+        ([0.0, 12.0, 2.0, 20.0], [0.15, 0.15], 0b00),  # both do better, but not by 15
+        ([0.0, 12.0, 2.0, 30.0], [0.15, 0.15], 0b11),
+        ([0.0, 12.0, 2.0, 30.0], [0.15, -0.15], 0b00),  # one cause moves both alike
+        ([0.0, 12.0, 2.0, 30.0], [0.15, -0.05], 0b01),  # the other hardly moves
+    ],
+)
+def test_blame_falls_on_as_few_as_explain_it(L: list[float], both: list[float], want: int) -> None:
+    shifts = {1: [0.2, 0.0], 2: [0.0, -0.2], 3: both}
+    assert verdict_of(L, shifts, 0b11, 0.02) == want
+
+
+@pytest.mark.parametrize(("gust", "want"), [(0.02, 1), (0.12, 0)])
+def test_a_lone_pitot_is_measured_against_the_gusts(gust: float, want: int) -> None:
+    assert verdict_of([0.0, 7.0], {1: [0.15]}, 0b01, gust) == want
+    assert verdict_of([0.0, 9.0, 0.0, 0.0], {1: [0.15, 0.0]}, 0b11, gust) == 1
 
 
 def test_adopting_a_shift_rolls_back_the_wind_and_the_scale() -> None:

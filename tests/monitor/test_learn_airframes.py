@@ -70,7 +70,7 @@ def imu_learnt() -> Learnt:
 
 
 def test_a_wandering_pitot_is_left_alone_once_learnt(pitot_learnt: Learnt) -> None:
-    assert set(pitot_learnt.overrides) == {"air.margin_all"}
+    assert set(pitot_learnt.overrides) == {"air.margin_single"}
     unseen = wandering_pitot(12)
     assert found(unseen, DEFAULTS)
     assert measure([unseen], pitot_learnt.settings).alarms == ()
