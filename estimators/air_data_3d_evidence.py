@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_data_3d import N_PITOTS, SCALE
-from estimators.air_data_3d_bank import N_HYPOTHESES, Bank, WindBounds, evidence
+from estimators.air_data_3d_bank import N_HYPOTHESES, WIND_CHANGED, Bank, WindBounds, evidence
 from estimators.air_peaks import MARGIN_ALL, MARGIN_ONE, MARGIN_SINGLE, MIN_SHIFT, note
 from estimators.jit import kernel
 
-__all__ = ["JudgeLimits", "convicted", "margin_of", "note_evidence"]
+__all__ = ["JudgeLimits", "convicted", "disagreement", "margin_of", "note_evidence"]
 
 Array = NDArray[np.float64]
 _SCALE0 = SCALE.start
@@ -123,6 +123,17 @@ def convicted(
             if _least_shift(bank, g, h, h) > least_of(limits, h, active, gust):
                 return h
     return 0
+
+
+@kernel
+def disagreement(top: Array, active: int) -> float:
+    """Evidence that one of several pitots shifted alone, whichever it was [nat]."""
+    if active & (active - 1) == 0:
+        return -np.inf
+    one = -np.inf
+    for i in range(N_PITOTS):
+        one = max(one, top[1 << i])
+    return float(one - max(0.0, top[WIND_CHANGED]))
 
 
 @kernel

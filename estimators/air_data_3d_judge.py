@@ -44,7 +44,7 @@ from estimators.air_data_3d_bank import (
     survey,
     wind_evidence,
 )
-from estimators.air_data_3d_evidence import JudgeLimits, convicted, margin_of
+from estimators.air_data_3d_evidence import JudgeLimits, convicted, disagreement, margin_of
 from estimators.jit import kernel
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "ON_GROUND",
     "REFERENCE_MISSING",
     "REFERENCE_NOT_TRUSTED",
+    "SENSORS_DISAGREE",
     "SUSPECT",
     "UNKNOWN",
     "UNMONITORED",
@@ -80,6 +81,7 @@ _SCALE0 = SCALE.start
 UNKNOWN, UNMONITORED, OK, SUSPECT, FAULTY, ABSENT = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 NO_REASON, ON_GROUND, LEARNING = 0.0, 1.0, 2.0
 WIND_NOT_OBSERVABLE, REFERENCE_MISSING, REFERENCE_NOT_TRUSTED = 3.0, 4.0, 5.0
+SENSORS_DISAGREE = 6.0
 
 # Columns of the log.
 (
@@ -364,7 +366,14 @@ def _recover(
 
 @kernel
 def _watch_suspicion(
-    judge: Judge, limits: JudgeLimits, log: Array, t: float, i: int, grounds: bool, stat: float
+    judge: Judge,
+    limits: JudgeLimits,
+    log: Array,
+    t: float,
+    i: int,
+    grounds: bool,
+    stat: float,
+    reason: float,
 ) -> None:
     """Between ok and suspect: half a verdict's evidence for a while, and a while without it."""
     s = judge.sensor[i]
@@ -375,9 +384,7 @@ def _watch_suspicion(
     else:
         s[S_SUSPECT_SINCE] = np.nan
     if s[S_STATUS] == OK and t - s[S_SUSPECT_SINCE] >= 0.5 * limits.confirm_s:
-        set_status(
-            judge, log, t, i, SUSPECT, NO_REASON, CHECK_BANK, np.nan, stat, limits.margin_one
-        )
+        set_status(judge, log, t, i, SUSPECT, reason, CHECK_BANK, np.nan, stat, limits.margin_one)
     elif s[S_STATUS] == SUSPECT and t > s[S_SUSPECT_UNTIL]:
         set_status(judge, log, t, i, OK, NO_REASON, CHECK_NONE, np.nan, stat, limits.margin_one)
 
@@ -444,6 +451,7 @@ def judge_epoch(
     elif not changed and t - memory[J_WIND_SINCE] >= limits.confirm_s:
         accept_wind(bank, where[WIND_CHANGED])
         memory[J_WIND_SINCE] = np.nan
+    apart = disagreement(top, active)
     for i in range(N_PITOTS):
         if not (known >> i) & 1:
             continue
@@ -459,7 +467,10 @@ def judge_epoch(
                 set_status(judge, log, t, i, OK, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
             if not changed:
                 stat, half = evidence(top, 1 << i), 0.5 * margin_of(limits, 1 << i, active)
-                _watch_suspicion(judge, limits, log, t, i, stat > half, stat)
+                if (active >> i) & 1 and apart > limits.margin_one:
+                    _watch_suspicion(judge, limits, log, t, i, True, apart, SENSORS_DISAGREE)
+                else:
+                    _watch_suspicion(judge, limits, log, t, i, stat > half, stat, NO_REASON)
         else:
             reason = LEARNING if s[S_LEARNT] == NEVER_LEARNT else WIND_NOT_OBSERVABLE
             set_status(judge, log, t, i, UNMONITORED, reason, CHECK_NONE, np.nan, np.nan, np.nan)

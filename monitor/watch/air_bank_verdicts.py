@@ -35,6 +35,7 @@ _REASONS = {
     judge.WIND_NOT_OBSERVABLE: Reason.WIND_NOT_OBSERVABLE,
     judge.REFERENCE_MISSING: Reason.REFERENCE_MISSING,
     judge.REFERENCE_NOT_TRUSTED: Reason.REFERENCE_NOT_TRUSTED,
+    judge.SENSORS_DISAGREE: Reason.SENSORS_DISAGREE,
 }
 _BANK = "air_data_3d"
 _HORIZON = "air_horizon"
@@ -83,14 +84,17 @@ def _names(mask: int) -> list[str]:
 
 def _unproved(row: NDArray[np.float64], t_us: int, sensor: str, state: State) -> Verdict:
     stat, limit = float(row[judge.G_STAT]), float(row[judge.G_LIMIT])
-    if state is State.SUSPECT:
+    reason = _REASONS.get(float(row[judge.G_REASON]))
+    if reason is Reason.SENSORS_DISAGREE:
+        said = f"{sensor} and another pitot disagree; not clear yet which of them is wrong"
+    elif state is State.SUSPECT:
         said = f"{sensor} no longer fits GPS and wind; not enough to be sure yet"
     elif row[judge.G_CHECK] != CHECK_NONE:
         said = f"{sensor} agrees with GPS and wind again"
     else:
         said = f"{sensor} agrees with GPS and wind"
     return Verdict(
-        t_us, sensor, state, statistic=stat, threshold=limit, estimator=_BANK, evidence=said
+        t_us, sensor, state, reason, statistic=stat, threshold=limit, estimator=_BANK, evidence=said
     )
 
 

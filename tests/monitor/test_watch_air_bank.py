@@ -128,6 +128,18 @@ def test_a_wind_that_rises_slowly_along_the_nose_accuses_nobody(
     assert not faulty(judged(circuits(240.0, wind=wind, pitots=1), watch))
 
 
+def test_two_pitots_that_step_apart_are_said_to_disagree_before_one_is_named(
+    watch: AirBankWatch,
+) -> None:
+    flight = scaled(scaled(circuits(200.0), "airspeed0", 1.06, 120.0), "airspeed1", 0.94, 120.0)
+    verdicts = judged(flight, watch)
+    for sensor in ("airspeed0", "airspeed1"):
+        mine = [v for v in verdicts if v.sensor == sensor and v.t_us > 120e6]
+        assert (mine[0].state, mine[0].reason) == (State.SUSPECT, Reason.SENSORS_DISAGREE)
+        assert mine[0].t_us < 123e6
+        assert "disagree" in mine[0].evidence
+
+
 def test_recovery_re_admits_once_and_a_second_fault_waits_longer(watch: AirBankWatch) -> None:
     flight = scaled(circuits(330.0), "airspeed0", 0.75, 100.0, 130.0)
     flight = scaled(flight, "airspeed0", 1.3, 200.0, 230.0)
