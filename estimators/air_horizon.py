@@ -25,9 +25,9 @@ The unknown of the quadratic programme is x itself (its linearisation point only
 so a window without bounds is solved by one Newton step. A window whose solution keeps all bounds
 is the bounded problem's solution too; only where one does not, the barrier iterations run.
 
-Explanations differ in A and B alone: nothing happened, the wind changed (W walks by
-``wind_walk_changed``), the pitots of a mask drift together (their k follows r, r walks). With nu
-the innovations of the forward pass and S their variances::
+Explanations differ in A and B alone: nothing happened, the wind has changed for the last so many
+seconds (W walks by ``wind_walk_changed``), the pitots of a mask drift together (their k follows r,
+r walks). With nu the innovations of the forward pass and S their variances::
 
     L = -1/2 sum(nu^2 / S + ln S) - (J(bounded) - J(free)),
 
@@ -69,6 +69,7 @@ from estimators.air_horizon_stage import (
     Z_LATERAL_VAR,
     Z_M,
     Z_OWN,
+    Z_T,
     Z_USE,
     Z_W0,
     Z_WALK2,
@@ -78,6 +79,7 @@ from estimators.jit import kernel
 from estimators.mhe import SOLVED, barrier_qp, work_size
 
 __all__ = [
+    "CHANGED_S",
     "GUST_H",
     "MH",
     "NH",
@@ -106,8 +108,14 @@ _G, _K = GUST_H.start, SCALE_H.start
 
 NOTHING = 0
 WIND_WALKED = N_HYPOTHESES
-"""Explanations: 0 nothing happened, 1..7 the mask of pitots that drift, 8 the wind changed."""
-N_EXPLANATIONS = N_HYPOTHESES + 1
+"""Explanations: 0 nothing happened, 1..7 the mask of pitots that drift, 8..11 the wind changed."""
+CHANGED_S = (np.inf, 160.0, 80.0, 40.0)
+"""For how long the wind of explanations 8..11 has been changing, up to now [s].
+
+A front passes in a minute. Freedom to change all the time costs so much likelihood that it would
+explain nothing, and a drifting pitot would be blamed for the front.
+"""
+N_EXPLANATIONS = N_HYPOTHESES + len(CHANGED_S)
 
 NO_GATE = 1e9
 RATE_PRIOR = 1e-6
@@ -155,11 +163,11 @@ class LongHorizon(NamedTuple):
         Oldest first.
     x_p, P : (10,), (10, 10) float64
         Arrival mean and covariance.
-    x : (9, N, 10) float64
+    x : (12, N, 10) float64
         Each explanation's trajectory: its linearisation point.
-    L : (9,) float64 [nat]
+    L : (12,) float64 [nat]
         Log-likelihood of each explanation, -inf where none was solved.
-    end_P : (9, 10, 10) float64
+    end_P : (12, 10, 10) float64
         Covariance of each explanation's newest state.
     memory : (4,) float64
     A, B, C, ry, lo, hi, u, inf, zero, one, work
@@ -302,12 +310,12 @@ def stage_rows(row: Array, x: Array, C: Array, ry: Array) -> None:
 
 
 @kernel
-def _transition(A: Array, B: Array, row: Array, levels: HorizonLevels, h: int) -> None:
-    """A and B of the step into the stage ``row`` under explanation h."""
+def _transition(A: Array, B: Array, row: Array, levels: HorizonLevels, h: int, windy: bool) -> None:
+    """A and B of the step into the stage ``row`` under explanation h; windy: the wind changes."""
     dt = row[Z_DT]
     phi, v = gust_stage(dt, levels.gust_tau_s)
     walk2 = row[Z_WALK2]
-    if h == WIND_WALKED:
+    if windy:
         walk2 += levels.wind_walk_changed**2 * dt
     B[0, 0] = B[1, 1] = math.sqrt(walk2)
     B[2, 2] = math.sqrt(row[Z_DOWN2])
@@ -334,7 +342,7 @@ def _leave(z: LongHorizon, levels: HorizonLevels, h: int) -> None:
         if used:
             scalar_update(z.x_p, z.P, z.C[0, k], e, 1.0, NO_GATE)
     A, B = z.A[0], z.B[0]
-    _transition(A, B, z.stages[1], levels, h)
+    _transition(A, B, z.stages[1], levels, h, h >= WIND_WALKED)
     for i in range(NH):
         phi = A[i, i]
         z.x_p[i] *= phi
@@ -449,8 +457,12 @@ def solve_explanation(z: LongHorizon, levels: HorizonLevels, h: int) -> int:
     size = n * (NH * NH + NH + (MH + NH) * (NH + 2)) + 3 * NH * NH + 6 * NH + NH + 16 * n * NH
     work = z.work[:size]
     _bounds(z, levels, n)
+    since = np.inf
+    if h >= WIND_WALKED:
+        since = z.stages[n - 1, Z_T] - CHANGED_S[h - WIND_WALKED]
     for i in range(n - 1):
-        _transition(A[i], B[i], z.stages[i + 1], levels, h)
+        row = z.stages[i + 1]
+        _transition(A[i], B[i], row, levels, h, row[Z_T] > since)
     status = SOLVED
     for _ in range(levels.iterations):
         for i in range(n):

@@ -6,8 +6,8 @@ counted as the filter bank counts it (:func:`estimators.air_data_3d_bank.evidenc
 explanation with it has over the best one without it. A verdict takes evidence beyond the margin and
 a shift beyond ``min_shift`` for ``confirm_s``, hence in two solves running.
 
-A changed wind that beats everything else by its margin is believed: the stages of the horizon keep
-the faster walk, under every explanation.
+A changed wind that beats everything else by its margin is believed: the stages of that
+change keep the faster walk, under every explanation.
 
 The decision stands apart from the stream of epochs: the stream stops where stages wait,
 :func:`take`, :func:`estimators.air_horizon.solve_explanation` of each and :func:`conclude` follow,
@@ -42,6 +42,7 @@ from estimators.air_data_3d_judge import (
     accuse_together,
 )
 from estimators.air_horizon import (
+    CHANGED_S,
     H_HELD,
     H_HELD_SINCE,
     H_STAGES,
@@ -106,7 +107,9 @@ def take(gathering: Gathering, z: LongHorizon, levels: HorizonLevels, judge: Jud
     seen = 0
     for i in range(n - MIN_STAGES // 2, n):
         seen |= int(z.stages[i, Z_USE])
-    wanted = (1 << NOTHING) | (1 << WIND_WALKED)
+    wanted = 1 << NOTHING
+    for h in range(WIND_WALKED, N_EXPLANATIONS):
+        wanted |= 1 << h
     for h in range(1, N_HYPOTHESES):
         if (h & active & seen) == h:
             wanted |= 1 << h
@@ -121,13 +124,23 @@ def _shift(z: LongHorizon, h: int, i: int) -> float:
 
 
 @kernel
+def _best_wind(z: LongHorizon) -> int:
+    """The explanation by a changed wind that fits best."""
+    best = WIND_WALKED
+    for h in range(WIND_WALKED, N_EXPLANATIONS):
+        if z.L[h] > z.L[best]:
+            best = h
+    return best
+
+
+@kernel
 def weigh(z: LongHorizon, levels: HorizonLevels, active: int, top: Array) -> int:
     """Smallest set of pitots whose drift is proved; 0 when none is.
 
     ``top`` (8,) receives each mask's log-likelihood over nothing having happened, and the changed
     wind's in the place of mask 0.
     """
-    top[WIND_CHANGED] = z.L[WIND_WALKED] - z.L[NOTHING]
+    top[WIND_CHANGED] = z.L[_best_wind(z)] - z.L[NOTHING]
     for h in range(1, N_HYPOTHESES):
         top[h] = z.L[h] - z.L[NOTHING]
     for size in range(1, N_PITOTS + 1):
@@ -149,9 +162,12 @@ def weigh(z: LongHorizon, levels: HorizonLevels, active: int, top: Array) -> int
 
 @kernel
 def _believe_wind(z: LongHorizon, levels: HorizonLevels) -> None:
-    """The wind has changed: let it walk as fast as that, in every explanation."""
-    for i in range(int(z.memory[H_STAGES])):
-        z.stages[i, Z_WALK2] += levels.wind_walk_changed**2 * z.stages[i, Z_DT]
+    """The wind has changed: let it walk as fast as that for that long, in every explanation."""
+    n = int(z.memory[H_STAGES])
+    since = z.stages[n - 1, Z_T] - CHANGED_S[_best_wind(z) - WIND_WALKED]
+    for i in range(n):
+        if z.stages[i, Z_T] > since:
+            z.stages[i, Z_WALK2] += levels.wind_walk_changed**2 * z.stages[i, Z_DT]
 
 
 @kernel

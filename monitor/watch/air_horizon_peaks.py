@@ -47,7 +47,7 @@ class HorizonPeaks:
 
     def _evidence(self, z: LongHorizon, levels: HorizonLevels, active: int) -> tuple[float, float]:
         top: NDArray[np.float64] = z.L[:N_HYPOTHESES] - z.L[NOTHING]
-        top[WIND_CHANGED] = z.L[WIND_WALKED] - z.L[NOTHING]
+        top[WIND_CHANGED] = z.L[WIND_WALKED:].max() - z.L[NOTHING]
         n = int(z.memory[H_STAGES])
         moved = np.abs(z.x[:, n - 1, SCALE_H] - z.x[:, 0, SCALE_H])
         one, every = 0.0, 0.0

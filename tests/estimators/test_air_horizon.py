@@ -6,6 +6,7 @@ import pytest
 from estimators import air_horizon as horizon
 from estimators.air_data_3d_noise import ACC, GUST_STD, N_NOISE, R_COMMON, R_LATERAL, R_OWN
 from estimators.air_horizon import (
+    CHANGED_S,
     H_STAGES,
     NH,
     WIND_WALKED,
@@ -228,6 +229,18 @@ def test_relinearising_converges_where_the_first_guess_was_poor() -> None:
     assert moves[1] < 0.1
     assert moves[3] < 1e-4
     np.testing.assert_allclose(z.x[0, -1, :2], [4.0, -3.0], atol=0.4)
+
+
+def test_a_wind_that_has_changed_lately_walks_only_lately() -> None:
+    rows, _ = fly(20)
+    z = window(rows, UNBOUNDED)
+    lately = WIND_WALKED + len(CHANGED_S) - 1
+    solve_explanation(z, UNBOUNDED, lately)
+    std = z.B[:19, 0, 0]
+    recent = np.array([row[Z_T] for row in rows[1:]]) > rows[-1][Z_T] - CHANGED_S[-1]
+    assert recent.sum() == 14
+    np.testing.assert_allclose(std[recent], np.sqrt(15 * 0.002 + 0.25 * 3.0))
+    np.testing.assert_allclose(std[~recent], np.sqrt(15 * 0.002))
 
 
 TIGHT = UNBOUNDED._replace(wind_max_m_s=3.2)
