@@ -70,6 +70,11 @@ SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 
 
+DEAD_SHARE = 0.25
+"""A pitot that shows this much of the ground speed, or Z_FLOOR_M_S, lives: a strong wind from
+behind makes the ground speed twice a good airspeed, thrice that of an aircraft near its stall."""
+
+
 class CheckLimits(NamedTuple):
     """Limits of the fast checks; the settings of the same names say what each rests on."""
 
@@ -107,6 +112,13 @@ def _held(state: Array, slot: int, condition: bool, t: float) -> float:
 def grossly_off(state: Array) -> bool:
     """Whether the last sample was grossly off: the filters leave it to the check."""
     return not np.isnan(state[GROSS_SINCE])
+
+
+@kernel
+def lives(ground_speed: float, tas: float, wind_m_s: float) -> bool:
+    """Whether an airspeed may be one at this speed over ground; False for NaN."""
+    shown = max(Z_FLOOR_M_S, DEAD_SHARE * ground_speed)
+    return tas >= shown or ground_speed - 1.2 * tas <= wind_m_s
 
 
 @kernel
@@ -154,7 +166,7 @@ def check_sample(
     if not same or not flying:
         state[SAME_SINCE] = t
     constant = flying and state[N_SAME] >= 4.0 and t - state[SAME_SINCE] > limits.constant_s
-    dead = ground_speed - 1.2 * c / sigma > limits.dead_wind_m_s
+    dead = not lives(ground_speed, c / sigma, limits.dead_wind_m_s)
     dead_s = _held(state, DEAD_SINCE, flying and not learnt and dead, t)
     beyond = abs(math.log(max(c, 0.1) / p)) > limits.gross_ln + 3.0 * p_std if p > 1.0 else False
     gross_s = _held(state, GROSS_SINCE, flying and beyond, t)

@@ -15,6 +15,7 @@ from estimators.air_checks import (
     ALIVE,
     SAME_SINCE,
     grossly_off,
+    lives,
     noisy,
 )
 from estimators.air_data_3d import GUST, N_PITOTS, SCALE, YAW, air_velocity
@@ -124,7 +125,7 @@ def _start(air: AirState, par: AirParams, V: Array, e_x: Array, tas: float) -> N
     clear(bank)
     bank.x[:] = 0.0
     speed = math.sqrt(V[0] ** 2 + V[1] ** 2)
-    if speed - 1.2 * tas < par.checks.dead_wind_m_s:
+    if lives(speed, tas, par.checks.dead_wind_m_s):
         for i in range(2):
             bank.x[i] = V[i] - tas * e_x[i]
     bank.P[:] = 0.0

@@ -70,6 +70,11 @@ def test_dead_pitot_at_flying_speed_before_anything_is_learnt() -> None:
     assert first_failure(c, learnt=False, p=math.nan, V=5.0)[0] == checks.CHECK_NONE
 
 
+def test_a_good_pitot_with_a_storm_behind_it_is_not_dead() -> None:
+    c = healthy(20) * 0.9
+    assert first_failure(c, learnt=False, p=math.nan, V=40.0)[0] == checks.CHECK_NONE
+
+
 def scatter(noise: list[float], gust: float, scale: list[float], seed: int = 1) -> list[bool]:
     """Whether each of several pitots in the same gusts is found noisy."""
     rng = np.random.default_rng(seed)
