@@ -173,8 +173,8 @@ class AirSettings(Section):
     margin_single: float = Field(
         6.0,
         gt=0,
-        description="The same for a pitot that is alone: twice what 30 h of synthetic flights with "
-        "nothing broken reached, 3.0.",
+        description="The same for a pitot that is alone: twice what 18 h of synthetic flights with "
+        "nothing broken reached, 3.0; changes of wind of 2 to 8 m/s in flight reach 8.",
     )
     margin_wind: float = Field(
         6.0, gt=0, description="Margin at which a changed wind is accepted; it accuses nobody."
