@@ -47,6 +47,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.air_vane_filter import OFFSET, vane_update
 from estimators.jit import kernel
 
 __all__ = [
@@ -69,7 +70,6 @@ N_VANES = 3
 N_AGES = 10
 YOUNGEST_S = 0.2
 OLDEST_S = YOUNGEST_S * 2.0**N_AGES
-OFFSET, CONSIDERED, GUST = range(3)
 RING = 1024
 BACK_S = 5.0
 """Samples older than this at an estimate are not looked at."""
@@ -79,8 +79,6 @@ SILENCE_S = 2.5
 """Estimates that fail to come for so long are missing."""
 BESIDE_S = 0.1
 """Samples so near to an estimate's moment are its vane reading."""
-GATE = 4.0
-"""Innovation beyond which a reading loses weight [sigma] (Huber)."""
 JUMP_S = 0.45
 RAGGED = 0.25
 """A jump takes so long at most, since the readings beside an estimate may straddle it, and has this
@@ -186,51 +184,6 @@ def new_vanes() -> Vanes:
     v.memory[[T_AIR, T_SPAWN]] = -np.inf
     v.memory[_TIMES:] = -np.inf
     return v
-
-
-@kernel
-def vane_update(
-    x: Array, P: Array, a: float, r: float, R: float, phi: float, q_b: float, q_g: float
-) -> float:
-    """Advance one filter to an estimate and use its residual; return the log-likelihood.
-
-    Parameters
-    ----------
-    x, P : (3,), (3, 3) float64, changed in place
-    a, r : float [rad]
-    R : float [rad^2]
-        Variance of the reading's own noise.
-    phi : float [1]
-        ``exp(-dt / tau)`` of the gust.
-    q_b, q_g : float [rad^2]
-        Variances that b and g gain over dt.
-    """
-    x[GUST] *= phi
-    for i in range(3):
-        P[GUST, i] *= phi
-    for i in range(3):
-        P[i, GUST] *= phi
-    P[OFFSET, OFFSET] += q_b
-    P[GUST, GUST] += q_g
-    PH = np.empty(3)
-    for i in range(3):
-        PH[i] = P[i, 0] + a * P[i, 1] + P[i, 2]
-    S = R + PH[0] + a * PH[1] + PH[2]
-    e = r - x[0] - a * x[1] - x[2]
-    nu = abs(e) / math.sqrt(S)
-    log_likelihood = -0.5 * math.log(2.0 * math.pi * S)
-    if nu > GATE:
-        log_likelihood -= GATE * (nu - 0.5 * GATE)
-        S *= nu / GATE
-    else:
-        log_likelihood -= 0.5 * nu * nu
-    for i in range(3):
-        if i != CONSIDERED:
-            x[i] += PH[i] * e / S
-        for j in range(3):
-            if i != CONSIDERED or j != CONSIDERED:
-                P[i, j] -= PH[i] * PH[j] / S
-    return float(log_likelihood)
 
 
 @kernel

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from estimators import air_vane as vane
-from estimators.air_vane import new_vanes, run, vane_update
+from estimators.air_vane import new_vanes, run
+from estimators.air_vane_filter import CONSIDERED, GATE, vane_update
 from monitor.settings.vane import VaneSettings
 from monitor.watch.air_vane import limits
 
@@ -22,8 +23,8 @@ def twin(x, P, a, r, R, phi, q_b, q_g):
     S = H @ P @ H + R
     e = r - H @ x
     nu = abs(e) / math.sqrt(S)
-    tail = 0.5 * nu**2 if nu <= vane.GATE else vane.GATE * (nu - 0.5 * vane.GATE)
-    S_used = S * max(nu / vane.GATE, 1.0)
+    tail = 0.5 * nu**2 if nu <= GATE else GATE * (nu - 0.5 * GATE)
+    S_used = S * max(nu / GATE, 1.0)
     K = P @ H / S_used
     K[1] = 0.0
     full = P @ H / S_used
@@ -46,8 +47,8 @@ def test_the_kernel_is_schmidts_filter() -> None:
         np.testing.assert_allclose(x, y, atol=1e-12)
         np.testing.assert_allclose(P, Q, atol=1e-14)
         assert np.linalg.eigvalsh(P).min() > -1e-12
-    assert x[vane.CONSIDERED] == 0.0
-    assert P[vane.CONSIDERED, vane.CONSIDERED] == pytest.approx(0.04)
+    assert x[CONSIDERED] == 0.0
+    assert P[CONSIDERED, CONSIDERED] == pytest.approx(0.04)
 
 
 def flight(change=None, *, seconds=160.0, tas=50.0, gust=0.8 * DEG, seed=0, pause=None):

@@ -3,8 +3,8 @@
 Ideal Gaussian errors lie inside two sigmas in 95.4 %. Errors of wind and scale stay for minutes, so
 a flight is one draw of them rather than a thousand: of one kind of flight at least 75 %, of all
 kinds together 85 % are asked for. Wide sigmas tell nothing, so that over all kinds they may not
-exceed 2.5 times the rms error; they are wider than it since pitots and sideslip of real aircraft, on
-which they rest, spread more than those of synthetic ones.
+exceed 2.5 times the rms error; they are wider than it since pitots and sideslip of real aircraft,
+on which they rest, spread more than those of synthetic ones.
 
 ``python -m tests.monitor.consistency`` prints the whole table over many flights.
 """
