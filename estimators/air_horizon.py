@@ -80,15 +80,10 @@ from estimators.mhe import SOLVED, barrier_qp, work_size
 
 __all__ = [
     "CHANGED_S",
-    "GUST_H",
-    "MH",
     "NH",
     "N_EXPLANATIONS",
-    "RATE_H",
     "SCALE_H",
-    "WIND_H",
     "WIND_WALKED",
-    "YAW_H",
     "HorizonLevels",
     "LongHorizon",
     "gust_stage",
