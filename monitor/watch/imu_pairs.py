@@ -25,6 +25,11 @@ MARK_S = 10.0
 """A difference that began and came to nothing within this time is forgotten."""
 RELEASE = 0.7
 """Differences below this share of the physical size are agreement."""
+HEADING_DOUBT = 2.0
+"""Times the odds asked for gyro_z where the attitude is no independent witness: it shows in the
+heading alone, and the little that the filters know of that comes from ATTITUDE, which follows one
+of the two IMUs."""
+_GYRO_Z = 5
 
 Key = tuple[int, int]
 
@@ -163,6 +168,8 @@ class PairTests:
         if len(whole) == 2 and trusted.issuperset(key) and self._driven is not None:
             odds = self._odds(i, j, left)
         limit = r.settings.arbitration_nats
+        if _GYRO_Z in left and not r.settings.attitude_independent:
+            limit *= HEADING_DOUBT
         if abs(odds) > limit and bool((np.abs(d[left]) > r.size[left]).all()):
             guilty, other = (i, j) if odds > 0 else (j, i)
             f = d if guilty == i else -d
