@@ -1,6 +1,6 @@
 """How soon faults injected into the recorded ALFA flights are found, and who is blamed.
 
-    python tests/e2e/alfa_injection.py [--data ../shared/data] [--json FILE] [--only pitot|imu] [--thin N]
+    python tests/e2e/alfa_injection.py [--data ../shared/data] [--only pitot|imu] [--thin N]
 
 Real flights of a 2 kg aircraft: IMU at 10 Hz, attitude at 2.5 Hz, GPS at 5 Hz, one pitot. A fault
 is injected into the decoded rows (:class:`sim_feeds.injection.RowInjector`) from an onset on, and
