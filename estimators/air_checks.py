@@ -10,6 +10,7 @@ V        speed over the ground                                                m/
 z        ln c: noise is judged on it, so that a wrong scale is not noise      1
 D2       z_k - 2 z_(k-1) + z_(k-2): of white noise s its variance is 6 s^2    1
 VAR      running mean of D2^2                                                 1
+SLOW     running mean of VAR over a minute, which is what gusts usually do    1
 PAIR     running mean of the square of the difference of two pitots' D2       1
 ======== ==================================================================== ====
 
@@ -60,12 +61,15 @@ CHECK_HORIZON = 7.0
 T_LAST, Z1, Z2, D2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOISE_SINCE, ALIVE = (
     range(12)
 )
-PAIR0 = 12
-N_CHECK = 15
+SLOW = 12
+PAIR0 = 13
+N_CHECK = 16
 
 Z_FLOOR_M_S = 8.0
 """Less airspeed than this has no meaningful logarithm: 1.5 Pa of a pressure sensor's noise, which
 is nothing in flight, is 2 % of 8 m/s and all of what a parked pitot shows."""
+USUAL_S = 60.0
+"""Averaging time of what gusts usually do to a pitot."""
 SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 
@@ -90,9 +94,9 @@ class CheckLimits(NamedTuple):
 
 
 def new_check() -> Array:
-    """State before the first sample, shape (15,)."""
+    """State before the first sample, shape (16,)."""
     state = np.full(N_CHECK, np.nan)
-    state[[N_SAME, VAR, ALIVE]] = 0.0
+    state[[N_SAME, VAR, ALIVE, SLOW]] = 0.0
     state[PAIR0:] = 0.0
     return state
 
@@ -139,7 +143,7 @@ def check_sample(
 
     Parameters
     ----------
-    state : (15,) float64, changed in place
+    state : (16,) float64, changed in place
     t, raw, c : float [s], [m/s], [m/s]
     p, p_std : float [m/s], [1]
         Prediction and the standard deviation of its logarithm; NaN where there is none.
@@ -157,6 +161,7 @@ def check_sample(
     if not np.isnan(state[D2]):
         d2 = min(state[D2] * state[D2], 4.0)
         state[VAR] += min(dt / limits.noise_tau_s, 1.0) * (d2 - state[VAR])
+        state[SLOW] += min(dt / USUAL_S, 1.0) * (state[VAR] - state[SLOW])
     state[Z2] = state[Z1] if dt < 0.5 else np.nan
     state[Z1] = z
     state[T_LAST] = t
@@ -187,7 +192,7 @@ def pair_noise(states: Array, limits: CheckLimits, i: int, dt: float) -> None:
 
     Parameters
     ----------
-    states : (3, 15) float64, changed in place
+    states : (3, 16) float64, changed in place
     dt : float [s]
         Time since the sample of i before.
     """
@@ -209,11 +214,13 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
     """Whether pitot i scatters against every one of the others, and more than they do.
 
     Its difference from the others must scatter by ``rms`` and by ``ratio`` times what the quietest
-    of them does, and most of that scatter must show in its own readings.
+    of them does, and most of that scatter must show in its own readings. A peer that has fallen
+    silent lately counts as restless as it was: a blocked pitot feels no gusts, and beside it a good
+    one would look noisy.
 
     Parameters
     ----------
-    states : (3, 15) float64
+    states : (3, 16) float64
     others : int
         Bit set for each pitot that may serve for comparison.
     """
@@ -221,7 +228,7 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
     for j in range(states.shape[0]):
         if j != i and (others >> j) & 1:
             pair = min(pair, states[i, PAIR0 + j])
-            quietest = min(quietest, states[j, VAR])
+            quietest = min(quietest, max(states[j, VAR], states[j, SLOW]))
     if pair == np.inf:
         return False
     limit = max(rms, ratio * math.sqrt(quietest / 6.0))

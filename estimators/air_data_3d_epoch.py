@@ -398,7 +398,7 @@ def use_epoch(
         q,
     )
     if learnt != 0:
-        note_evidence(air.peaks, t, par.limits, bank, top, where, learnt, gust)
+        note_evidence(air.peaks, t, par.limits, bank, top, where, learnt, known, gust)
         if t - memory[T_SPAWN] >= f.spawn_s:
             spawn(bank, t, learnt, f.jump_scale, f.jump_wind_m_s, f.age_max_s)
             memory[T_SPAWN] = t

@@ -37,11 +37,16 @@ class JudgeLimits(NamedTuple):
 
 
 @kernel
-def margin_of(limits: JudgeLimits, mask: int, active: int) -> float:
-    """Evidence that a verdict on the pitots of ``mask`` takes."""
+def margin_of(limits: JudgeLimits, mask: int, active: int, fitted: int) -> float:
+    """Evidence that a verdict on the pitots of ``mask`` takes.
+
+    The last one that is left of several needs as much as all of them do together: that it breaks
+    too is as rare.
+    """
     if mask != active:
         return limits.margin_one
-    return limits.margin_single if mask & (mask - 1) == 0 else limits.margin_all
+    alone = mask == fitted and mask & (mask - 1) == 0
+    return limits.margin_single if alone else limits.margin_all
 
 
 @kernel
@@ -95,6 +100,7 @@ def convicted(
     top: Array,
     where: NDArray[np.int64],
     active: int,
+    fitted: int,
     gust: float,
 ) -> int:
     """Smallest set of pitots whose evidence and shifts suffice for a verdict; 0 when none does.
@@ -103,8 +109,8 @@ def convicted(
     ----------
     top, where : (8,) float64 [nat], (8,) int64
         Evidence of each explanation and its generation.
-    active : int
-        Bit mask of the pitots under judgement.
+    active, fitted : int
+        Bit masks of the pitots under judgement, and of all that exist.
     gust : float [1]
         Gust intensity as a share of the airspeed.
     """
@@ -114,7 +120,7 @@ def convicted(
             bits = (h & 1) + ((h >> 1) & 1) + ((h >> 2) & 1)
             if bits != size or g < 0 or (h & active) != h:
                 continue
-            margin = margin_of(limits, h, active)
+            margin = margin_of(limits, h, active, fitted)
             if (
                 not evidence(top, h) > margin
                 or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
@@ -145,6 +151,7 @@ def note_evidence(
     top: Array,
     where: NDArray[np.int64],
     active: int,
+    fitted: int,
     gust: float,
 ) -> None:
     """Note how near the explanations came to a verdict; parameters as of :func:`convicted`.
@@ -161,13 +168,13 @@ def note_evidence(
         ):
             continue
         e, least = evidence(top, h), _least_shift(bank, g, h, h)
-        if e > margin_of(limits, h, active):
+        if e > margin_of(limits, h, active, fitted):
             shift = max(shift, least - (least_of(limits, h, active, gust) - limits.min_shift))
         if not least > least_of(limits, h, active, gust):
             continue
         if h != active:
             one = max(one, e)
-        elif h & (h - 1) == 0:
+        elif h == fitted and h & (h - 1) == 0:
             single = max(single, e)
         else:
             every = max(every, e)

@@ -258,6 +258,7 @@ def accuse_together(
     t: float,
     i: int,
     together: int,
+    error: float,
     drift: float,
     check: float,
     onset: float,
@@ -266,10 +267,8 @@ def accuse_together(
 ) -> None:
     """Pitot i, one of the mask ``together``, is faulty; the filters are the caller's to mend.
 
-    What it should show is in its state already.
+    What it should show is in its state already; ``error`` is that of the master's ln n.
     """
-    s = judge.sensor[i]
-    error = s[S_RESIDUAL] + math.log(s[S_EXPECT] / s[S_SHOWN])
     agree = _agreeing(judge, limits, together, error)
     _accuse(judge, log, t, i, together, agree, drift, check, onset, stat, limit)
 
@@ -285,13 +284,15 @@ def _accuse_by_bank(
     h: int,
     top: Array,
     active: int,
+    known: int,
 ) -> None:
     """Explanation h of generation g has won: its pitots are faulty and it is the master now."""
-    margin = margin_of(limits, h, active)
+    margin = margin_of(limits, h, active, known)
     error = 0.0
     for i in range(N_PITOTS):
         if (h >> i) & 1:
-            error = judge.sensor[i, S_RESIDUAL] + bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
+            k = _SCALE0 + i
+            error = judge.sensor[i, S_RESIDUAL] + bank.hx[g, h, k] - bank.x[k]
     agree = _agreeing(judge, limits, h, error)
     age = t - bank.born[g]
     for i in range(N_PITOTS):
@@ -437,11 +438,11 @@ def judge_epoch(
     memory = judge.memory
     changed = False
     survey(bank, limits.wind, t, top, where)
-    h = convicted(limits, bank, top, where, active, gust)
+    h = convicted(limits, bank, top, where, active, known, gust)
     if h == 0 or h != memory[J_HELD_MASK]:
         memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(h), t
     elif t - memory[J_HELD_SINCE] >= limits.confirm_s:
-        _accuse_by_bank(judge, limits, bank, log, t, where[h], h, top, active)
+        _accuse_by_bank(judge, limits, bank, log, t, where[h], h, top, active, known)
         memory[J_HELD_MASK] = 0.0
         changed = True
     if not wind_evidence(top) > limits.margin_wind:
@@ -466,7 +467,7 @@ def judge_epoch(
             if s[S_STATUS] != SUSPECT:
                 set_status(judge, log, t, i, OK, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
             if not changed:
-                stat, half = evidence(top, 1 << i), 0.5 * margin_of(limits, 1 << i, active)
+                stat, half = evidence(top, 1 << i), 0.5 * margin_of(limits, 1 << i, active, known)
                 if (active >> i) & 1 and apart > limits.margin_one:
                     _watch_suspicion(judge, limits, log, t, i, True, apart, SENSORS_DISAGREE)
                 else:

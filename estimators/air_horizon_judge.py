@@ -4,7 +4,8 @@ Whenever ``solve_every`` stages have been gathered, all explanations are solved 
 nothing happened, the wind changed, or the pitots of a mask drift. The evidence against a pitot is
 counted as the filter bank counts it (:func:`estimators.air_data_3d_bank.evidence`): what the best
 explanation with it has over the best one without it. A verdict takes evidence beyond the margin and
-a shift beyond ``min_shift`` for ``confirm_s``, hence in two solves running.
+a shift beyond ``min_shift`` for ``confirm_s``, hence in two solves running; on all pitots together
+also a turn since half of the drift.
 
 A changed wind that beats everything else by its margin is believed: the stages of that
 change keep the faster walk, under every explanation.
@@ -35,6 +36,7 @@ from estimators.air_data_3d_judge import (
     FAULTY,
     J_ROWS,
     S_EXPECT,
+    S_RESIDUAL,
     S_SHOWN,
     S_STATUS,
     Judge,
@@ -64,6 +66,7 @@ from estimators.air_horizon_stage import (
     G_RUNS,
     G_T,
     Z_DT,
+    Z_EY,
     Z_T,
     Z_USE,
     Z_WALK2,
@@ -71,13 +74,19 @@ from estimators.air_horizon_stage import (
 )
 from estimators.jit import kernel
 
-__all__ = ["conclude", "take", "weigh"]
+__all__ = ["conclude", "take", "turned", "weigh"]
 
 Array = NDArray[np.float64]
 _K, _SCALE0 = SCALE_H.start, SCALE.start
 
 MIN_STAGES = 8
 """Fewer stages than this say nothing about a drift."""
+TURNED_RAD = math.radians(45.0)
+TURNED_SHARE = 0.5
+"""All pitots are blamed together only if the nose has pointed so far elsewhere since the drift had
+come to this share of its size. On a straight a drifting scale and a wind that rises along the nose
+look alike, and gusts, which turn the nose and push the aircraft aside at once, tell less of the
+airspeed than they seem to."""
 ONSET_SHARE = 0.1
 """A drift is dated from where it had come to this share of its present size."""
 
@@ -153,8 +162,11 @@ def weigh(z: LongHorizon, levels: HorizonLevels, active: int, top: Array) -> int
                 continue
             shifted = True
             for i in range(N_PITOTS):
-                if (h >> i) & 1 and not abs(_shift(z, h, i)) > levels.min_shift:
-                    shifted = False
+                if not (h >> i) & 1:
+                    continue
+                large = abs(_shift(z, h, i)) > levels.min_shift
+                half_s = _reached(z, h, i, TURNED_SHARE)
+                shifted &= large and (h != active or turned(z, half_s))
             if shifted:
                 return h
     return 0
@@ -171,14 +183,30 @@ def _believe_wind(z: LongHorizon, levels: HorizonLevels) -> None:
 
 
 @kernel
-def _onset(z: LongHorizon, h: int, i: int) -> float:
-    """When the drift of pitot i began under explanation h [s]."""
+def _reached(z: LongHorizon, h: int, i: int, share: float) -> float:
+    """When the drift of pitot i reached a share of its present size under explanation h [s]."""
     n = int(z.memory[H_STAGES])
-    small = ONSET_SHARE * abs(_shift(z, h, i))
+    small = share * abs(_shift(z, h, i))
     for j in range(n - 1, -1, -1):
         if abs(z.x[h, j, _K + i] - z.x[h, 0, _K + i]) < small:
             return float(z.stages[j, Z_T])
     return float(z.stages[0, Z_T])
+
+
+@kernel
+def turned(z: LongHorizon, since: float) -> bool:
+    """Whether the heading has differed by :data:`TURNED_RAD` from the present one since then."""
+    n = int(z.memory[H_STAGES])
+    now = z.stages[n - 1]
+    for j in range(n - 1, -1, -1):
+        s = z.stages[j]
+        if s[Z_T] < since:
+            return False
+        across = s[Z_EY] * now[Z_EY] + s[Z_EY + 1] * now[Z_EY + 1]
+        lengths = math.hypot(s[Z_EY], s[Z_EY + 1]) * math.hypot(now[Z_EY], now[Z_EY + 1])
+        if across < math.cos(TURNED_RAD) * lengths:
+            return True
+    return False
 
 
 @kernel
@@ -225,9 +253,13 @@ def _convict(
         if (h >> i) & 1:
             s = judge.sensor[i]
             s[S_EXPECT] = s[S_SHOWN] * math.exp(_shift(z, h, i))
-            onset = _onset(z, h, i)
+            onset = _reached(z, h, i, ONSET_SHARE)
             stat = evidence(top, 1 << i)
-            accuse_together(judge, limits, log, t, i, h, 1.0, CHECK_HORIZON, onset, stat, margin)
+            now = z.x[h, int(z.memory[H_STAGES]) - 1, _K + i]
+            error = s[S_RESIDUAL] + now - bank.x[_SCALE0 + i]
+            accuse_together(
+                judge, limits, log, t, i, h, error, 1.0, CHECK_HORIZON, onset, stat, margin
+            )
     _roll_back(z, bank, h)
 
 

@@ -168,7 +168,11 @@ class AirSettings(Section):
         description="Log-likelihood margin that accuses one of several pitots. " + _NOTE + "8.",
     )
     margin_all: float = Field(
-        15.0, gt=0, description="The same for all of several pitots. " + _NOTE + "15."
+        15.0,
+        gt=0,
+        description="The same for all of several pitots, or the last that is left of them. "
+        + _NOTE
+        + "15.",
     )
     margin_single: float = Field(
         6.0,

@@ -101,6 +101,20 @@ def test_gusts_and_a_wrong_scale_are_not_noise() -> None:
     assert scatter([0.003, 0.003], gust=0.15, scale=[0.7, 1.0]) == [False, False]
 
 
+def test_beside_a_blocked_pitot_a_good_one_is_not_noisy() -> None:
+    rng = np.random.default_rng(2)
+    states = np.stack([checks.new_check() for _ in range(3)])
+    for k in range(700):
+        t = k / HZ
+        air = 20.0 * (1.0 + 0.05 * rng.standard_normal())
+        for i in range(2):
+            blocked = i == 0 and t > 60.0
+            c = (20.0 if blocked else air) + 0.05 * rng.standard_normal()
+            checks.check_sample(states[i], LIMITS, t, c, c, 20.0, 0.01, 20.0, 1.0, True, True)
+            checks.pair_noise(states, LIMITS, i, 1.0 / HZ)
+            assert not checks.noise_check(states, LIMITS, i, 3 & ~(1 << i), t), t
+
+
 def test_the_scatter_of_a_parked_pitot_is_no_noise() -> None:
     """On the ground a pitot shows the root of 1 Pa of noise: 0 to 2 m/s, wildly in logarithms."""
     rng = np.random.default_rng(5)

@@ -229,7 +229,9 @@ LIMITS = JudgeLimits(
 )
 
 
-def verdict_of(L: list[float], shifts: dict[int, list[float]], active: int, gust: float) -> int:
+def verdict_of(
+    L: list[float], shifts: dict[int, list[float]], active: int, gust: float, fitted: int = 0
+) -> int:
     """Pitots convicted by log-likelihoods of the first explanations with these shifts of k."""
     bank, *_ = started_bank()
     spawn(bank, 0.0, active, 1.0, 6.0, 150.0)
@@ -238,7 +240,7 @@ def verdict_of(L: list[float], shifts: dict[int, list[float]], active: int, gust
         bank.hx[0, h, 6 : 6 + len(shift)] = bank.ref[0, : len(shift)] + shift
     top, where = np.empty(8), np.empty(8, np.int64)
     bank_module.survey(bank, LIMITS.wind, 1.0, top, where)
-    return convicted(LIMITS, bank, top, where, active, gust)
+    return convicted(LIMITS, bank, top, where, active, fitted or active, gust)
 
 
 @pytest.mark.parametrize(
@@ -260,6 +262,12 @@ def test_blame_falls_on_as_few_as_explain_it(L: list[float], both: list[float], 
 def test_a_lone_pitot_is_measured_against_the_gusts(gust: float, want: int) -> None:
     assert verdict_of([0.0, 7.0], {1: [0.15]}, 0b01, gust) == want
     assert verdict_of([0.0, 9.0, 0.0, 0.0], {1: [0.15, 0.0]}, 0b11, gust) == 1
+
+
+def test_the_last_pitot_left_is_blamed_on_more_than_one_that_flew_alone() -> None:
+    assert verdict_of([0.0, 9.0], {1: [0.15]}, 0b01, 0.02) == 1
+    assert verdict_of([0.0, 9.0], {1: [0.15]}, 0b01, 0.02, fitted=0b11) == 0
+    assert verdict_of([0.0, 16.0], {1: [0.15]}, 0b01, 0.02, fitted=0b11) == 1
 
 
 def test_adopting_a_shift_rolls_back_the_wind_and_the_scale() -> None:

@@ -17,10 +17,12 @@ from estimators.air_horizon import (
     solve_explanation,
     start_horizon,
 )
+from estimators.air_horizon_judge import turned
 from estimators.air_horizon_stage import (
     N_STAGE,
     Z_AIR,
     Z_COMMON,
+    Z_EY,
     Z_LATERAL_VAR,
     Z_M,
     Z_OWN,
@@ -345,3 +347,14 @@ def test_what_is_not_a_number_is_reported_and_competes_no_more() -> None:
     z = window(rows, LEVELS)
     assert solve_explanation(z, LEVELS, 0) != SOLVED
     assert z.L[0] == -np.inf
+
+
+def test_a_turn_is_one_of_45_degrees_since_then() -> None:
+    z = new_long_horizon(20)
+    z.memory[H_STAGES] = 10.0
+    for j, heading_deg in enumerate((90.0, 50.0, 12.0, 5.0, -5.0, 5.0, -5.0, 5.0, -5.0, 0.0)):
+        heading = np.radians(heading_deg)
+        z.stages[j, Z_T] = 3.0 * j
+        z.stages[j, Z_EY : Z_EY + 2] = -0.9 * np.sin(heading), 0.9 * np.cos(heading)
+    assert turned(z, 3.0)
+    assert not turned(z, 4.0)
