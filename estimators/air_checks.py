@@ -70,6 +70,10 @@ Z_FLOOR_M_S = 8.0
 is nothing in flight, is 2 % of 8 m/s and all of what a parked pitot shows."""
 USUAL_S = 60.0
 """Averaging time of what gusts usually do to a pitot."""
+SILENT = 0.5
+"""Share of its usual mean square scatter below which a pitot may have fallen silent."""
+BEYOND_GUSTS = 8.0
+"""Times the usual mean square scatter that no gust reaches: over a second it varies by three."""
 SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 
@@ -214,9 +218,9 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
     """Whether pitot i scatters against every one of the others, and more than they do.
 
     Its difference from the others must scatter by ``rms`` and by ``ratio`` times what the quietest
-    of them does, and most of that scatter must show in its own readings. A peer that has fallen
-    silent lately counts as restless as it was: a blocked pitot feels no gusts, and beside it a good
-    one would look noisy.
+    of them does, and most of that scatter must show in its own readings. A peer that has lately
+    fallen silent is no witness, unless gusts cannot scatter anything so much: a blocked pitot feels
+    none, and beside it a good one looks noisy.
 
     Parameters
     ----------
@@ -226,9 +230,12 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
     """
     pair, quietest = np.inf, np.inf
     for j in range(states.shape[0]):
-        if j != i and (others >> j) & 1:
+        if j == i or not (others >> j) & 1:
+            continue
+        usual = states[j, SLOW]
+        if states[j, VAR] >= SILENT * usual or states[i, PAIR0 + j] > BEYOND_GUSTS * usual:
             pair = min(pair, states[i, PAIR0 + j])
-            quietest = min(quietest, max(states[j, VAR], states[j, SLOW]))
+            quietest = min(quietest, states[j, VAR])
     if pair == np.inf:
         return False
     limit = max(rms, ratio * math.sqrt(quietest / 6.0))

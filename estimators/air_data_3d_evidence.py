@@ -36,16 +36,20 @@ class JudgeLimits(NamedTuple):
     suspect_clear_s: float
 
 
+SLOW_S = 60.0
+"""An explanation that started longer ago is one of a slow fault."""
+
+
 @kernel
-def margin_of(limits: JudgeLimits, mask: int, active: int, fitted: int) -> float:
+def margin_of(limits: JudgeLimits, mask: int, active: int, fitted: int, age_s: float) -> float:
     """Evidence that a verdict on the pitots of ``mask`` takes.
 
     The last one that is left of several needs as much as all of them do together: that it breaks
-    too is as rare.
+    too is as rare. So does a lone one whose fault began long ago, hence slowly.
     """
     if mask != active:
         return limits.margin_one
-    alone = mask == fitted and mask & (mask - 1) == 0
+    alone = mask == fitted and mask & (mask - 1) == 0 and age_s <= SLOW_S
     return limits.margin_single if alone else limits.margin_all
 
 
@@ -56,6 +60,16 @@ def least_of(limits: JudgeLimits, mask: int, active: int, gust: float) -> float:
     With no other pitot as witness, gusts are part of what the shift is measured against.
     """
     return limits.min_shift + (gust if mask == active else 0.0)
+
+
+@kernel
+def _turned(bank: Bank, t: float, g: int, h: int, active: int) -> bool:
+    """Whether the flight can tell a slow fault of all pitots from a slow wind.
+
+    On a straight they look alike, and gusts, which turn the nose and push the aircraft aside at
+    once, tell less of the airspeed than they seem to.
+    """
+    return bool(h != active or t - bank.born[g] <= SLOW_S or bank.turned[g] > 0.5)
 
 
 @kernel
@@ -95,6 +109,7 @@ def gain_of_blaming_more(
 
 @kernel
 def convicted(
+    t: float,
     limits: JudgeLimits,
     bank: Bank,
     top: Array,
@@ -107,6 +122,8 @@ def convicted(
 
     Parameters
     ----------
+    t : float [s]
+        Now.
     top, where : (8,) float64 [nat], (8,) int64
         Evidence of each explanation and its generation.
     active, fitted : int
@@ -120,13 +137,14 @@ def convicted(
             bits = (h & 1) + ((h >> 1) & 1) + ((h >> 2) & 1)
             if bits != size or g < 0 or (h & active) != h:
                 continue
-            margin = margin_of(limits, h, active, fitted)
+            margin = margin_of(limits, h, active, fitted, t - bank.born[g])
             if (
                 not evidence(top, h) > margin
                 or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
             ):
                 continue
-            if _least_shift(bank, g, h, h) > least_of(limits, h, active, gust):
+            large = _least_shift(bank, g, h, h) > least_of(limits, h, active, gust)
+            if large and _turned(bank, t, g, h, active):
                 return h
     return 0
 
@@ -168,13 +186,13 @@ def note_evidence(
         ):
             continue
         e, least = evidence(top, h), _least_shift(bank, g, h, h)
-        if e > margin_of(limits, h, active, fitted):
+        if e > margin_of(limits, h, active, fitted, t - bank.born[g]):
             shift = max(shift, least - (least_of(limits, h, active, gust) - limits.min_shift))
-        if not least > least_of(limits, h, active, gust):
+        if not least > least_of(limits, h, active, gust) or not _turned(bank, t, g, h, active):
             continue
         if h != active:
             one = max(one, e)
-        elif h == fitted and h & (h - 1) == 0:
+        elif h == fitted and h & (h - 1) == 0 and t - bank.born[g] <= SLOW_S:
             single = max(single, e)
         else:
             every = max(every, e)

@@ -287,7 +287,7 @@ def _accuse_by_bank(
     known: int,
 ) -> None:
     """Explanation h of generation g has won: its pitots are faulty and it is the master now."""
-    margin = margin_of(limits, h, active, known)
+    margin = margin_of(limits, h, active, known, t - bank.born[g])
     error = 0.0
     for i in range(N_PITOTS):
         if (h >> i) & 1:
@@ -438,7 +438,7 @@ def judge_epoch(
     memory = judge.memory
     changed = False
     survey(bank, limits.wind, t, top, where)
-    h = convicted(limits, bank, top, where, active, known, gust)
+    h = convicted(t, limits, bank, top, where, active, known, gust)
     if h == 0 or h != memory[J_HELD_MASK]:
         memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(h), t
     elif t - memory[J_HELD_SINCE] >= limits.confirm_s:
@@ -467,7 +467,10 @@ def judge_epoch(
             if s[S_STATUS] != SUSPECT:
                 set_status(judge, log, t, i, OK, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
             if not changed:
-                stat, half = evidence(top, 1 << i), 0.5 * margin_of(limits, 1 << i, active, known)
+                stat, half = (
+                    evidence(top, 1 << i),
+                    0.5 * margin_of(limits, 1 << i, active, known, 0.0),
+                )
                 if (active >> i) & 1 and apart > limits.margin_one:
                     _watch_suspicion(judge, limits, log, t, i, True, apart, SENSORS_DISAGREE)
                 else:
