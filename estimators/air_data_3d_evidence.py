@@ -36,7 +36,7 @@ class JudgeLimits(NamedTuple):
     suspect_clear_s: float
 
 
-SLOW_S = 60.0
+SLOW_S = 90.0
 """An explanation that started longer ago is one of a slow fault."""
 
 
