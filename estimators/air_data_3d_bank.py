@@ -69,7 +69,6 @@ WIND_CHANGED = 0
 
 JUMP_OWN_SHARE = 0.2
 """Of the jump of several pitots, the part that each makes alone: one cause breaks them alike."""
-COS_TURNED = math.cos(math.radians(45.0))
 EARLY_S = 3.0
 """Age up to which a generation's ``early`` follows its scales."""
 _SCALE0 = SCALE.start
@@ -110,10 +109,6 @@ class Bank(NamedTuple):
         Scales of the master at that start, and their variances.
     ref_wind : (14, 2) float64 [m/s]
         Its horizontal wind there.
-    ref_right : (14, 2) float64 [1]
-        Horizontal part of e_y at the first step after the start, NaN before.
-    turned : (14,) float64
-        1: the nose has pointed 45 degrees elsewhere since.
     early : (14, 8, 3) float64 [1]
         Scales some seconds after the start: tells a step from a drift.
     """
@@ -127,8 +122,6 @@ class Bank(NamedTuple):
     ref: Array
     ref_var: Array
     ref_wind: Array
-    ref_right: Array
-    turned: Array
     early: Array
 
 
@@ -145,8 +138,6 @@ def new_bank() -> Bank:
         ref=np.zeros((g, N_PITOTS)),
         ref_var=np.zeros((g, N_PITOTS)),
         ref_wind=np.zeros((g, 2)),
-        ref_right=np.full((g, 2), np.nan),
-        turned=np.zeros(g),
         early=np.zeros((g, h, N_PITOTS)),
     )
 
@@ -215,10 +206,8 @@ def spawn(
     """
     g = _slot(bank.born, t, age_max_s)
     bank.born[g] = t
-    bank.turned[g] = 0.0
     for i in range(2):
         bank.ref_wind[g, i] = bank.x[i]
-        bank.ref_right[g, i] = np.nan
     for i in range(N_PITOTS):
         bank.ref[g, i] = bank.x[_SCALE0 + i]
         bank.ref_var[g, i] = bank.P[_SCALE0 + i, _SCALE0 + i]
@@ -239,17 +228,6 @@ def spawn(
                 if (h >> i) & (h >> j) & 1:
                     own = JUMP_OWN_SHARE**2 if i == j else 0.0
                     P[_SCALE0 + i, _SCALE0 + j] += jump_scale**2 * (1.0 - JUMP_OWN_SHARE**2 + own)
-
-
-@kernel
-def _note_turn(right: Array, turned: Array, g: int, e_y: Array) -> None:
-    """Note whether the nose points 45 degrees elsewhere than at the start of generation g."""
-    if np.isnan(right[0]):
-        right[0], right[1] = e_y[0], e_y[1]
-    along = right[0] * e_y[0] + right[1] * e_y[1]
-    lengths = math.hypot(right[0], right[1]) * math.hypot(e_y[0], e_y[1])
-    if along < COS_TURNED * lengths:
-        turned[g] = 1.0
 
 
 @kernel
@@ -290,7 +268,6 @@ def bank_step(
     for g in range(N_GENERATIONS):
         if np.isnan(bank.born[g]):
             continue
-        _note_turn(bank.ref_right[g], bank.turned, g, e_y)
         for h in range(N_HYPOTHESES):
             if bank.L[g, h] == -np.inf:
                 continue

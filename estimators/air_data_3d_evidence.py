@@ -37,19 +37,22 @@ class JudgeLimits(NamedTuple):
 
 
 SLOW_S = 90.0
-"""An explanation that started longer ago is one of a slow fault."""
+"""Older explanations blame no more all pitots together. A fault so slow looks like a slow wind but
+for the turns, and on a long straight gusts, which turn the nose and push the aircraft aside at
+once, tell less of the airspeed than they seem to: :mod:`estimators.air_horizon_judge` asks for a
+turn."""
 
 
 @kernel
-def margin_of(limits: JudgeLimits, mask: int, active: int, fitted: int, age_s: float) -> float:
+def margin_of(limits: JudgeLimits, mask: int, active: int, fitted: int) -> float:
     """Evidence that a verdict on the pitots of ``mask`` takes.
 
     The last one that is left of several needs as much as all of them do together: that it breaks
-    too is as rare. So does a lone one whose fault began long ago, hence slowly.
+    too is as rare.
     """
     if mask != active:
         return limits.margin_one
-    alone = mask == fitted and mask & (mask - 1) == 0 and age_s <= SLOW_S
+    alone = mask == fitted and mask & (mask - 1) == 0
     return limits.margin_single if alone else limits.margin_all
 
 
@@ -60,16 +63,6 @@ def least_of(limits: JudgeLimits, mask: int, active: int, gust: float) -> float:
     With no other pitot as witness, gusts are part of what the shift is measured against.
     """
     return limits.min_shift + (gust if mask == active else 0.0)
-
-
-@kernel
-def _turned(bank: Bank, t: float, g: int, h: int, active: int) -> bool:
-    """Whether the flight can tell a slow fault of all pitots from a slow wind.
-
-    On a straight they look alike, and gusts, which turn the nose and push the aircraft aside at
-    once, tell less of the airspeed than they seem to.
-    """
-    return bool(h != active or t - bank.born[g] <= SLOW_S or bank.turned[g] > 0.5)
 
 
 @kernel
@@ -137,14 +130,15 @@ def convicted(
             bits = (h & 1) + ((h >> 1) & 1) + ((h >> 2) & 1)
             if bits != size or g < 0 or (h & active) != h:
                 continue
-            margin = margin_of(limits, h, active, fitted, t - bank.born[g])
+            margin = margin_of(limits, h, active, fitted)
             if (
                 not evidence(top, h) > margin
                 or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
             ):
                 continue
-            large = _least_shift(bank, g, h, h) > least_of(limits, h, active, gust)
-            if large and _turned(bank, t, g, h, active):
+            if h == active and t - bank.born[g] > SLOW_S:
+                continue
+            if _least_shift(bank, g, h, h) > least_of(limits, h, active, gust):
                 return h
     return 0
 
@@ -182,17 +176,18 @@ def note_evidence(
         if (
             g < 0
             or (h & active) != h
+            or (h == active and t - bank.born[g] > SLOW_S)
             or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
         ):
             continue
         e, least = evidence(top, h), _least_shift(bank, g, h, h)
-        if e > margin_of(limits, h, active, fitted, t - bank.born[g]):
+        if e > margin_of(limits, h, active, fitted):
             shift = max(shift, least - (least_of(limits, h, active, gust) - limits.min_shift))
-        if not least > least_of(limits, h, active, gust) or not _turned(bank, t, g, h, active):
+        if not least > least_of(limits, h, active, gust):
             continue
         if h != active:
             one = max(one, e)
-        elif h == fitted and h & (h - 1) == 0 and t - bank.born[g] <= SLOW_S:
+        elif h == fitted and h & (h - 1) == 0:
             single = max(single, e)
         else:
             every = max(every, e)

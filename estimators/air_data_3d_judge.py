@@ -287,7 +287,7 @@ def _accuse_by_bank(
     known: int,
 ) -> None:
     """Explanation h of generation g has won: its pitots are faulty and it is the master now."""
-    margin = margin_of(limits, h, active, known, t - bank.born[g])
+    margin = margin_of(limits, h, active, known)
     error = 0.0
     for i in range(N_PITOTS):
         if (h >> i) & 1:
@@ -469,7 +469,7 @@ def judge_epoch(
             if not changed:
                 stat, half = (
                     evidence(top, 1 << i),
-                    0.5 * margin_of(limits, 1 << i, active, known, 0.0),
+                    0.5 * margin_of(limits, 1 << i, active, known),
                 )
                 if (active >> i) & 1 and apart > limits.margin_one:
                     _watch_suspicion(judge, limits, log, t, i, True, apart, SENSORS_DISAGREE)

@@ -177,9 +177,8 @@ class AirSettings(Section):
     margin_single: float = Field(
         6.0,
         gt=0,
-        description="The same for a pitot that is alone, if it broke within the last 90 s: "
-        "twice what 18 h of synthetic flights with nothing broken reached, 3.0; changes of wind of "
-        "2 to 8 m/s in flight reach 8. Slower faults take margin_all.",
+        description="The same for a pitot that is alone: twice what 18 h of synthetic flights with "
+        "nothing broken reached, 3.0; changes of wind of 2 to 8 m/s in flight reach 8.",
     )
     margin_wind: float = Field(
         6.0, gt=0, description="Margin at which a changed wind is accepted; it accuses nobody."
