@@ -43,6 +43,7 @@ __all__ = [
     "CheckLimits",
     "check_sample",
     "grossly_off",
+    "held",
     "new_check",
     "noise_check",
     "noisy",
@@ -106,7 +107,7 @@ def new_check() -> Array:
 
 
 @kernel
-def _held(state: Array, slot: int, condition: bool, t: float) -> float:
+def held(state: Array, slot: int, condition: bool, t: float) -> float:
     """How long the condition has held without a break [s]; -1 while it does not."""
     if not condition:
         state[slot] = np.nan
@@ -176,9 +177,9 @@ def check_sample(
         state[SAME_SINCE] = t
     constant = flying and state[N_SAME] >= 4.0 and t - state[SAME_SINCE] > limits.constant_s
     dead = not lives(ground_speed, c / sigma, limits.dead_wind_m_s)
-    dead_s = _held(state, DEAD_SINCE, flying and not learnt and dead, t)
+    dead_s = held(state, DEAD_SINCE, flying and not learnt and dead, t)
     beyond = abs(math.log(max(c, 0.1) / p)) > limits.gross_ln + 3.0 * p_std if p > 1.0 else False
-    gross_s = _held(state, GROSS_SINCE, flying and beyond, t)
+    gross_s = held(state, GROSS_SINCE, flying and beyond, t)
     if constant:
         return CHECK_CONSTANT
     if gross_s > limits.gross_s:
@@ -246,7 +247,7 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
 def noise_check(states: Array, limits: CheckLimits, i: int, others: int, t: float) -> bool:
     """Whether pitot i has been :func:`noisy` for long enough."""
     scatters = noisy(states, i, others, limits.noise_rms, limits.noise_ratio)
-    held_s = _held(states[i], NOISE_SINCE, scatters, t)
+    held_s = held(states[i], NOISE_SINCE, scatters, t)
     return held_s > limits.noise_s
 
 

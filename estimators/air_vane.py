@@ -47,6 +47,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.air_checks import held
 from estimators.air_vane_filter import OFFSET, vane_update
 from estimators.jit import kernel
 
@@ -237,17 +238,6 @@ def _spawn(v: Vanes, p: VaneLimits, i: int, t: float) -> None:
 
 
 @kernel
-def _held(s: Array, slot: int, condition: bool, t: float) -> float:
-    """How long a condition has held without a break [s]; -1 while it does not."""
-    if not condition:
-        s[slot] = np.nan
-        return -1.0
-    if np.isnan(s[slot]):
-        s[slot] = t
-    return float(t - s[slot])
-
-
-@kernel
 def _samples(v: Vanes, p: VaneLimits, i: int, t: float, a: float) -> float:
     """Look at the samples up to an estimate at t; return the mean of those beside it, or NaN."""
     s, x, memory = v.s[i], v.x[i, 0], v.memory
@@ -358,7 +348,7 @@ def _estimate(
         s[AGREE] += min(dt / AGREE_S, 1.0) * (m - expect - s[AGREE])
         well = abs(s[AGREE]) < 0.5 * least and scatter < 0.5 * scatter_limit and still_s < 1.0
         wait_s = p.readmit_s * 2.0 ** min(s[READMITTED], 6.0)
-        if _held(s, HELD_AGREE, well, t) >= wait_s:
+        if held(s, HELD_AGREE, well, t) >= wait_s:
             s[READMITTED] += 1.0
             v.P[i, 0, 2, 2] = sigma * sigma
             v.P[i, 0, 0, 0] += (0.25 * least) ** 2
@@ -366,8 +356,8 @@ def _estimate(
             s[HELD_SHIFT] = s[HELD_SCATTER] = s[HELD_GROSS] = np.nan
             row = _say(v, log, row, t, i, OK, LEARNING)
         return row
-    far = _held(s, HELD_GROSS, abs(r - x[0]) > p.gross_rad + 3.0 * sigma, t)
-    ragged = _held(s, HELD_SCATTER, scatters, t)
+    far = held(s, HELD_GROSS, abs(r - x[0]) > p.gross_rad + 3.0 * sigma, t)
+    ragged = held(s, HELD_SCATTER, scatters, t)
     if stands:
         return _blame(v, log, row, t, i, CONSTANT, s[SAME_SINCE], still_s, p.constant_s, m, expect,
                       m - expect, tas)  # fmt: skip
@@ -407,7 +397,7 @@ def _estimate(
         shift = v.x[i, 1 + best, OFFSET] - v.ref[i, best]
         now = math.copysign(1.0, shift) * (s[MEAN] + x[OFFSET] - v.ref[i, best])
         convicts = v.L[i, best] > p.margin and abs(shift) > least and now > 0.5 * abs(shift)
-    if _held(s, HELD_SHIFT, convicts, t) >= p.confirm_s:
+    if held(s, HELD_SHIFT, convicts, t) >= p.confirm_s:
         x[OFFSET] = v.ref[i, best]  # as it was before the shift
         return _blame(v, log, row, t, i, SHIFT, v.born[i, best], v.L[i, best], p.margin,
                       a + x[OFFSET] + shift, a + x[OFFSET], v.early[i, best] - v.ref[i, best],
