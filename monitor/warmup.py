@@ -17,6 +17,8 @@ from links.samples import Batch, Rows, empty_rows
 from monitor.baselines import BaselineTap
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
+from monitor.verdict import PHASE_ROW
+from monitor.watch.air_bank import AirBankWatch
 
 __all__ = ["COMPILING", "made_up_flight", "warm_up"]
 
@@ -66,6 +68,7 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
     pipeline = Pipeline(settings, taps=[BaselineTap()])
     pipeline.feed(made_up_flight(2.0 * settings.phase.flying_speed_m_s))
     pipeline.finish()
+    AirBankWatch(settings.air).step(circling(2.0 * settings.phase.flying_speed_m_s), 1 << 62)
     return time.monotonic() - began_s
 
 
@@ -111,6 +114,38 @@ def made_up_flight(speed_m_s: float) -> Batch:
         elif name == "heartbeat":
             r["vehicle_type"], r["autopilot"], r["armed"], r["system_status"] = 1, 3, True, 4
     return Batch(_numbered(rows))
+
+
+def circling(speed_m_s: float) -> dict[str, Rows]:
+    """What the pitot bank sees of circles in still air: it learns scales in turns alone.
+
+    The long horizon beside it begins with the first scale that is learnt.
+
+    Parameters
+    ----------
+    speed_m_s
+        Speed over ground and through the air [m/s].
+    """
+    random = np.random.default_rng(0)
+    rows = {s: _rows(s) for s in ("attitude", "gps0", "nav", "airspeed0", "airspeed1", "baro0")}
+    rate_rad_s = np.pi / 15.0
+    half_bank = 0.5 * np.arctan(speed_m_s * rate_rad_s / _G0_M_S2)
+    for name, r in rows.items():
+        yaw = rate_rad_s * r["t_us"] / 1e6
+        if name == "attitude":
+            c, s, cb, sb = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(half_bank), np.sin(half_bank)
+            r["q_ned_from_frd"] = np.column_stack((c * cb, c * sb, s * sb, s * cb))
+        elif name in ("gps0", "nav"):
+            r["vel_ned_m_s"][:, 0] = speed_m_s * np.cos(yaw)
+            r["vel_ned_m_s"][:, 1] = speed_m_s * np.sin(yaw)
+            if name == "gps0":
+                r["fix_type"] = 3
+        elif name == "baro0":
+            r["static_press_pa"] = _STATIC_PRESS_PA
+        else:
+            r["cas_m_s"] = speed_m_s + 0.1 * random.standard_normal(len(r))
+    rows["phase"] = np.array([(0, 0, True)], PHASE_ROW)
+    return _numbered(rows)
 
 
 def _rows(sensor: str) -> Rows:
