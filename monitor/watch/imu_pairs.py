@@ -25,6 +25,9 @@ MARK_S = 10.0
 """A difference that began and came to nothing within this time is forgotten."""
 RELEASE = 0.7
 """Differences below this share of the physical size are agreement."""
+AGREE_SIGMA, AGREE_SHARE = 3.0, 0.5
+"""So many standard deviations of a difference are noise, if they are below this share of the fault
+that was called."""
 HEADING_DOUBT = 2.0
 """Times the odds asked for gyro_z where the attitude is no independent witness: it shows in the
 heading alone, and the little that the filters know of that comes from ATTITUDE, which follows one
@@ -92,7 +95,7 @@ class PairTests:
             sigma, size = abs(float(z[lag, k])), abs(float(m[lag, k]))
             owner = next((i for i in key if r.units[i].axes[k].faulty), None)
             if owner is not None:
-                self._follow_fault(key, owner, k, float(newest[k]), float(m[1, k]))
+                self._follow_fault(key, owner, k, float(newest[k]), m[1:, k], z[1:, k])
                 continue
             loud = bool(known and sigma > SUSPICION_SIGMA and size > 0.5 * r.size[k])
             begun = loud or bool(jumped[k])
@@ -233,6 +236,7 @@ class PairTests:
             axis.latch.force(r.t_us, round(onset_s * US))
             axis.test = "difference"
             axis.base = r.slow_bias(imu, k)
+            axis.called = abs(float(f[k]))
             held_s = r.now_s - onset_s
             kind = self._kind(imu, k, held_s)
             size = float(f[k])
@@ -288,8 +292,15 @@ class PairTests:
                 for k in axes:
                     b.x[c, F_ACC + k] += f[k]
 
-    def _follow_fault(self, key: Key, owner: int, k: int, fast: float, slow: float) -> None:
-        """Keep a faulty IMU's filters at what the other IMU says; clear when they agree again."""
+    def _follow_fault(
+        self, key: Key, owner: int, k: int, newest: float, means: Array, z: Array
+    ) -> None:
+        """Keep a faulty IMU's filters at what the other IMU says; clear when they agree again.
+
+        In noise that hides agreement to the physical size, agreement within the noise will do, if
+        it is well below what the fault was. ``means`` are over one and three seconds, ``z`` in
+        their standard deviations, both (2,).
+        """
         r = self._record
         axis = r.units[owner].axes[k]
         other = key[1] if owner == key[0] else key[0]
@@ -297,9 +308,13 @@ class PairTests:
             return
         sign = 1.0 if owner == key[0] else -1.0
         for c in r.filters(owner):
-            bank.observe_fault(r.bank, c, k, axis.base + sign * fast, float(TRACK_STD[k]))
-        worst = max(abs(fast), abs(slow))
-        state = axis.latch.step(r.t_us, worst > r.size[k], worst < RELEASE * r.size[k])
+            bank.observe_fault(r.bank, c, k, axis.base + sign * newest, float(TRACK_STD[k]))
+        s = r.bank.pair[key]
+        std = np.append(np.sqrt(s[difference.D_VAR, k]), np.abs(means / np.where(z, z, np.inf)))
+        allowed = np.minimum(AGREE_SIGMA * std, (np.inf, *(AGREE_SHARE * axis.called,) * 2))
+        share = np.abs((newest, *means)) / np.maximum(allowed, RELEASE * r.size[k])
+        worst = float(share.max())
+        state = axis.latch.step(r.t_us, worst * RELEASE > 1.0, worst < 1.0)
         if state is LatchState.OK:
             r.release(owner, k)
 

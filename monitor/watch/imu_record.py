@@ -48,6 +48,8 @@ class Axis:
         Of the evidence in force.
     base
         Slow bias when the fault was called: what the axis must come back to [SI].
+    called
+        Size of the fault when it was called by a difference [SI].
     test
         Which test called the fault, hence which one clears it.
     said
@@ -56,6 +58,7 @@ class Axis:
 
     latch: Latch
     base: float = 0.0
+    called: float = 0.0
     test: str = ""
     said: tuple[State, Reason | None] | None = None
 
