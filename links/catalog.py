@@ -20,6 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.clock import Stamp
+from links.conversions import (
+    DEG,
+    Floats,
+    Payload,
+    Wire,
+    accuracy,
+    armed,
+    course_from_velocity,
+    euler_from_quaternion,
+    quaternion_fields,
+    quaternion_from_euler,
+    unit_quaternion,
+    velocity_from_course,
+)
 
 __all__ = [
     "AUTOPILOT_PX4",
@@ -34,14 +48,9 @@ __all__ = [
     "Source",
 ]
 
-Payload = NDArray[np.void]
-Floats = NDArray[np.float64]
-Wire = dict[str, Floats]
-
 STANDARD_GRAVITY = 9.80665
 """MAVLink's mG is a thousandth of this [m/s^2]."""
 
-DEG = pi / 180.0
 MILLI_G = 1e-3 * STANDARD_GRAVITY
 HPA = 100.0
 ZERO_CELSIUS_K = 273.15
@@ -129,80 +138,6 @@ class Source:
         return self.sensor.removesuffix("{}").rstrip("0123456789")
 
 
-# --------------------------------------------------------------------------- computed fields
-
-
-def _quaternion_from_euler(p: Payload) -> Floats:
-    """ATTITUDE's yaw, pitch, roll (Z-Y-X) as the quaternion ned_from_frd, scalar first."""
-    half = [0.5 * p[name].astype(np.float64) for name in ("roll", "pitch", "yaw")]
-    (cr, cp, cy), (sr, sp, sy) = [np.cos(h) for h in half], [np.sin(h) for h in half]
-    return np.stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ],
-        axis=1,
-    )
-
-
-def _euler_from_quaternion(_: Payload, q: Floats) -> Wire:
-    """The quaternion as ATTITUDE's roll, pitch and yaw."""
-    w, x, y, z = q.T
-    return {
-        "roll": np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        "pitch": np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)),
-        "yaw": np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    }
-
-
-def _unit_quaternion(p: Payload) -> Floats:
-    """ATTITUDE_QUATERNION, normalised; a quaternion far from unit length is NaN."""
-    q = np.stack([p[name].astype(np.float64) for name in ("q1", "q2", "q3", "q4")], axis=1)
-    norm = np.sqrt(np.sum(q * q, axis=1))
-    norm[~(np.abs(norm - 1.0) < 0.1)] = nan
-    return np.asarray(q / norm[:, None], dtype=np.float64)
-
-
-def _quaternion_fields(_: Payload, q: Floats) -> Wire:
-    return dict(zip(("q1", "q2", "q3", "q4"), q.T, strict=True))
-
-
-def _velocity_from_course(p: Payload) -> Floats:
-    """A receiver's speed and course over ground as north and east; it has no vertical velocity."""
-    speed, course = p["vel"].astype(np.float64) * 1e-2, p["cog"].astype(np.float64) * 1e-2 * DEG
-    unknown = (p["vel"] == 0xFFFF) | (p["cog"] == 0xFFFF)
-    v = np.full((len(p), 3), nan)
-    v[:, 0], v[:, 1] = speed * np.cos(course), speed * np.sin(course)
-    v[unknown] = nan
-    return v
-
-
-def _course_from_velocity(_: Payload, v: Floats) -> Wire:
-    """North and east as speed and course over ground; the highest number would be "unknown"."""
-    speed, course = np.hypot(v[:, 0], v[:, 1]), np.arctan2(v[:, 1], v[:, 0])
-    return {
-        "vel": np.minimum(speed * 1e2, 0xFFFE),
-        "cog": np.mod(np.rint(course / DEG * 1e2), 36000.0),
-    }
-
-
-def _accuracy(name: str) -> Callable[[Payload], Floats]:
-    """A receiver's own accuracy in mm or mm/s; a short or MAVLink 1 message has 0 for none."""
-
-    def compute(p: Payload) -> Floats:
-        value = p[name].astype(np.float64) * 1e-3
-        value[value == 0.0] = nan
-        return value
-
-    return compute
-
-
-def _armed(p: Payload) -> Floats:
-    return np.asarray((p["base_mode"] & 128) != 0, dtype=np.float64)
-
-
 # --------------------------------------------------------------------------- fields by quantity
 
 _ACC = ("xacc", "yacc", "zacc")
@@ -233,13 +168,13 @@ _GPS = (
     Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
     Fill(
         "vel_ned_m_s",
-        compute=_velocity_from_course,
-        invert=_course_from_velocity,
+        compute=velocity_from_course,
+        invert=course_from_velocity,
         required=False,
     ),
-    Fill("h_std_m", compute=_accuracy("h_acc"), required=False),
-    Fill("v_std_m", compute=_accuracy("v_acc"), required=False),
-    Fill("vel_std_m_s", compute=_accuracy("vel_acc"), required=False),
+    Fill("h_std_m", compute=accuracy("h_acc"), required=False),
+    Fill("v_std_m", compute=accuracy("v_acc"), required=False),
+    Fill("vel_std_m_s", compute=accuracy("vel_acc"), required=False),
     Fill("satellites", ("satellites_visible",)),
 )
 _NAV = (
@@ -336,7 +271,7 @@ SOURCES: tuple[Source, ...] = (
         "ATTITUDE_QUATERNION",
         "attitude",
         (
-            Fill("q_ned_from_frd", compute=_unit_quaternion, invert=_quaternion_fields),
+            Fill("q_ned_from_frd", compute=unit_quaternion, invert=quaternion_fields),
             _BODY_RATE,
         ),
     ),
@@ -345,7 +280,7 @@ SOURCES: tuple[Source, ...] = (
         "ATTITUDE",
         "attitude",
         (
-            Fill("q_ned_from_frd", compute=_quaternion_from_euler, invert=_euler_from_quaternion),
+            Fill("q_ned_from_frd", compute=quaternion_from_euler, invert=euler_from_quaternion),
             _BODY_RATE,
         ),
     ),
@@ -424,7 +359,7 @@ SOURCES: tuple[Source, ...] = (
         (
             Fill("vehicle_type", ("type",)),
             Fill("autopilot", ("autopilot",)),
-            Fill("armed", compute=_armed),
+            Fill("armed", compute=armed),
             Fill("system_status", ("system_status",)),
         ),
     ),
