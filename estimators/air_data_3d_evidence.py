@@ -101,6 +101,26 @@ def gain_of_blaming_more(
 
 
 @kernel
+def _believable(
+    t: float,
+    limits: JudgeLimits,
+    bank: Bank,
+    top: Array,
+    where: NDArray[np.int64],
+    h: int,
+    active: int,
+) -> bool:
+    """Whether explanation h is one of pitots under judgement, of no more than it takes.
+
+    Parameters as of :func:`convicted`.
+    """
+    g = where[h]
+    if g < 0 or (h & active) != h or (h == active and t - bank.born[g] > SLOW_S):
+        return False
+    return bool(gain_of_blaming_more(limits, bank, top, where, h) <= 0.5 * limits.margin_one)
+
+
+@kernel
 def convicted(
     t: float,
     limits: JudgeLimits,
@@ -126,19 +146,11 @@ def convicted(
     """
     for size in range(1, N_PITOTS + 1):
         for h in range(1, N_HYPOTHESES):
-            g = where[h]
             bits = (h & 1) + ((h >> 1) & 1) + ((h >> 2) & 1)
-            if bits != size or g < 0 or (h & active) != h:
+            if bits != size or not _believable(t, limits, bank, top, where, h, active):
                 continue
-            margin = margin_of(limits, h, active, fitted)
-            if (
-                not evidence(top, h) > margin
-                or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
-            ):
-                continue
-            if h == active and t - bank.born[g] > SLOW_S:
-                continue
-            if _least_shift(bank, g, h, h) > least_of(limits, h, active, gust):
+            large = _least_shift(bank, where[h], h, h) > least_of(limits, h, active, gust)
+            if large and evidence(top, h) > margin_of(limits, h, active, fitted):
                 return h
     return 0
 
@@ -172,15 +184,9 @@ def note_evidence(
     """
     one, every, single, shift = 0.0, 0.0, 0.0, 0.0
     for h in range(1, N_HYPOTHESES):
-        g = where[h]
-        if (
-            g < 0
-            or (h & active) != h
-            or (h == active and t - bank.born[g] > SLOW_S)
-            or gain_of_blaming_more(limits, bank, top, where, h) > 0.5 * limits.margin_one
-        ):
+        if not _believable(t, limits, bank, top, where, h, active):
             continue
-        e, least = evidence(top, h), _least_shift(bank, g, h, h)
+        e, least = evidence(top, h), _least_shift(bank, where[h], h, h)
         if e > margin_of(limits, h, active, fitted):
             shift = max(shift, least - (least_of(limits, h, active, gust) - limits.min_shift))
         if not least > least_of(limits, h, active, gust):
