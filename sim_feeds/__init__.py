@@ -19,7 +19,8 @@ player         a scenario as the MAVLink frames of an autopilot, and the truth b
 
 Arrays for the papers' estimators, without MAVLink::
 
-    from sim_feeds.papers import lu2016_experiment, wan2016_experiment, wan_experiment
+    from sim_feeds.papers.lu2016 import lu2016_experiment
+    from sim_feeds.papers.wan import wan2016_experiment, wan_experiment
 
     e = lu2016_experiment("turbulence", seed=3)      # 40 s at 100 Hz, Table 2 faults 10-30 s
     e.u_m, e.y_ground, e.env, e.f, e.x_ground        # (4001, 6), (4001, 6), (4001, 2) ...

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.two_stage_ekf import AS, GS, Settings, Status, TwoStageFilter
-from sim_feeds.papers import Air, lu2016_experiment
+from sim_feeds.papers.lu2016 import Air, lu2016_experiment
 
 WINDS: tuple[Air, ...] = get_args(Air)
 SEEDS = range(100, 120)

@@ -10,7 +10,7 @@ from estimators.air_data_mhe import AirDataTuning
 from estimators.baselines import numpy_twins_air as twin
 from estimators.triplex import Triplex, TriplexTuning, fuse, residual_rms
 from sim_feeds.faults import Fault, FaultKind
-from sim_feeds.papers import wan2016_experiment, wan_experiment
+from sim_feeds.papers.wan import wan2016_experiment, wan_experiment
 
 from .longitudinal_truth import KT, fly
 

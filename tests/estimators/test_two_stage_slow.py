@@ -13,7 +13,7 @@ from estimators.baselines.numpy_twins_imu import discretise, earth_terms, linear
 from estimators.kinematics import GS
 from estimators.two_stage_ekf import DelayedFilter, Settings, Status, TwoStageFilter
 from sim_feeds.faults import Fault, FaultKind
-from sim_feeds.papers import ImuExperiment, lu2016_experiment
+from sim_feeds.papers.lu2016 import ImuExperiment, lu2016_experiment
 
 VELOCITY, ANGLES = slice(0, 3), slice(3, 6)
 LAT, ALT = math.radians(52.0), 1000.0

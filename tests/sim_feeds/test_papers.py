@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
-from sim_feeds.papers import (
+from sim_feeds.papers.lu2016 import (
     LU2016_AIR_STD,
     LU2016_GROUND_STD,
     LU2016_U_STD,
+    lu2016_experiment,
+)
+from sim_feeds.papers.wan import (
     WAN2016_CASES,
     WAN_SAMPLE_S,
-    lu2016_experiment,
     wan2016_experiment,
     wan_experiment,
 )
