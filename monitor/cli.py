@@ -26,6 +26,7 @@ from monitor.commands import (
     warmup,
 )
 from monitor.commands.common import Refused, note
+from monitor.commands.reproduce.command import reproduce
 
 __all__ = ["app", "invoke", "main"]
 
@@ -48,6 +49,7 @@ app.command("analyze")(analyze.analyze)
 app.command("feed")(feed.feed)
 app.command("inject")(inject.inject)
 app.command("replay")(replay.replay)
+app.command("reproduce")(reproduce)
 app.command("selftest")(selftest.selftest)
 app.command("warmup")(warmup.warmup)
 app.command("demo")(demo.demo)

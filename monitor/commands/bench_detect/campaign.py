@@ -20,10 +20,10 @@ import numpy as np
 
 from monitor.commands.bench_detect.configurations import Configuration, Shape
 from monitor.commands.bench_detect.flights import restore
-from monitor.commands.bench_detect.processes import Step, each
 from monitor.commands.bench_detect.search import Outcome, Search, search
 from monitor.commands.bench_detect.trials import judge, moments, watch_healthy
 from monitor.commands.common import Refused
+from monitor.commands.processes import Step, each
 from monitor.settings import Settings
 
 __all__ = ["WINDOWS_S", "Group", "Kept", "Part", "Plan", "parts_of", "run_all", "run_part"]

@@ -169,7 +169,7 @@ def _synthetic(
     from monitor.commands.bench_detect import flights
     from monitor.commands.bench_detect.campaign import Group
     from monitor.commands.bench_detect.configurations import fitting
-    from monitor.commands.bench_detect.processes import each
+    from monitor.commands.processes import each
 
     settings = {name: load_settings(name, None) for name in classes}
     orders = [

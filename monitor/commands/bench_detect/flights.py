@@ -21,8 +21,8 @@ from links.logs import LogError, open_log
 from links.mavlink import Decoder
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
-from monitor.commands.bench_detect.processes import Step
 from monitor.commands.common import Refused
+from monitor.commands.processes import Step
 from monitor.settings import Settings
 from sim_feeds.earth import STANDARD_GRAVITY_M_S2
 from sim_feeds.player import frames_of
