@@ -38,48 +38,34 @@ Differs, each for a reason that a simulated flight shows:
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.air_data_2d import air_outside, linearise
-from estimators.air_data_mhe import (
-    AirDataMHE,
-    AirDataTuning,
-    mhe_advance,
-    mhe_solve,
-    window_views,
+from estimators.air_data_mhe import ROW_P, AirDataMHE, AirDataTuning
+from estimators.triplex_run import (
+    R_ALPHA,
+    R_ALPHA_STD,
+    R_CAS,
+    R_CAS_STD,
+    R_CONFIGURATION,
+    R_J,
+    R_LATCHED,
+    R_SIZE,
+    R_STATUS,
+    R_X,
+    fuse,
+    residual_rms,
+    triplex_run,
 )
-from estimators.jit import kernel
-from estimators.triplex_tuning import (
-    P_BASE,
-    P_CHANGE_X,
-    P_CHANGE_Z,
-    P_CLEAR,
-    P_CLEAR_SHARE,
-    P_FLOOR,
-    P_GUST_X,
-    P_GUST_Z,
-    P_LATCH,
-    P_MARGIN,
-    P_MARGIN_ONE,
-    P_N_D,
-    P_N_EVAL,
-    P_REF_DELAY,
-    P_REF_MEAN,
-    P_SPREAD,
-    P_TH_A,
-    P_TH_V,
-    P_WALK,
-    TriplexRecord,
-    TriplexTuning,
-)
-from estimators.wind_memory import against_remembered_wind, extrapolated, roll_back, trend
+from estimators.triplex_tuning import TriplexRecord, TriplexTuning
 
 __all__ = [
     "CONFIGURATIONS",
+    "ESTIMATORS",
+    "EstimatorName",
     "Triplex",
     "TriplexRecord",
     "TriplexTuning",
@@ -91,343 +77,9 @@ __all__ = [
 Array = NDArray[np.float64]
 
 CONFIGURATIONS = ("I", "II", "III", "IV")
-CH_ALPHA, CH_CAS = 0, 1
-
-JUMP_S = 3.0
-"""Time in which a jump of a sensor against the prediction is forgotten [s]."""
-ESTIMATE_LAG_S = 1.0
-"""Time by which the horizon's wind lags behind a ramp at the paper's weights [s]."""
-FROZEN_VAR = 1e-12
-"""Arrival and process variance of a held wind component [m^2/s^2]: it does not move."""
-
-# columns of a record row
-R_X = slice(0, 4)
-R_J = slice(4, 10)
-R_LATCHED = slice(10, 16)
-R_CONFIGURATION, R_ALPHA, R_CAS, R_ALPHA_STD, R_CAS_STD, R_STATUS = range(16, 22)
-R_SIZE = 22
-
-
-@kernel
-def residual_rms(ring: Array, count: int) -> float:
-    """Root mean square of the first ``count`` residuals of a ring. Source: wan2018 (18)."""
-    total = 0.0
-    for k in range(count):
-        total += ring[k] * ring[k]
-    return math.sqrt(total / max(count, 1))
-
-
-@kernel
-def fuse(value: Array, J: Array, use: Array, M: Array) -> tuple[float, float, bool]:
-    """Weighted mean of the sensors in use, their weighted ``M``, and whether there is any.
-
-    ``value``, ``J``, ``use`` (1 or 0) and ``M`` are (3,); J must not be zero.
-
-    Source: wan2018 (19).
-    """
-    total = 0.0
-    fused = 0.0
-    M_fused = 0.0
-    for i in range(3):
-        if use[i] == 1.0:
-            beta = 1.0 / (J[i] * J[i])
-            total += beta
-            fused += beta * value[i]
-            M_fused += beta * M[i]
-    if total == 0.0:
-        return 0.0, 0.0, False
-    return fused / total, M_fused / total, True
-
-
-@kernel
-def triplex_run(
-    model: int, t_s: float, tuning: Array, par: Array, kappa: float, n_kappa: int, n_qp: int,
-    n_sqp: int, N: int, window: Array, work: Array, rings: Array, memory: Array, winds: Array,
-    inertial: Array, vanes: Array, pitots: Array, theta_rows: Array, record: Array,
-) -> None:  # fmt: skip
-    """Run fusion, estimation and fault logic over the rows of a flight.
-
-    Parameters
-    ----------
-    model .. n_sqp, N, window, work
-        As in :func:`estimators.air_data_mhe.mhe_step`.
-    par : (19,) float64
-        :meth:`TriplexTuning.parameters`.
-    rings : (3, 2, 3, N_eval) float64, updated
-        Residuals against the prediction, against the remembered wind, and raised flags.
-    memory : (48,) float64, updated
-        Counters, latches and held winds; see the slices below.
-    winds : (2, S) float64, updated
-        Ring of the wind estimate (W_x, W_z), one column per sample.
-    inertial : (T, 2) float64 [m/s]
-        V_g and V_z (down).
-    vanes, pitots : (T, 3) float64 [rad], [m/s]
-        NaN where a sensor gave nothing.
-    theta_rows : (T, 6) float64
-    record : (T, 22) float64, written
-        Columns ``R_*``.
-
-    Source: wan2018 section III-A, Table I.
-    """
-    n_eval = int(par[P_N_EVAL])
-    count = memory[0:1]  # samples so far
-    latched = memory[1:7].reshape(2, 3)
-    calm = memory[7:13].reshape(2, 3)  # samples since J was last above the clearing level
-    peak = memory[13:19].reshape(2, 3)  # largest rms since the latch
-    lost = memory[19:21]  # 1 while all three of the channel are latched
-    since = memory[21:23]  # samples since then
-    held = memory[23:25]  # (W_x, W_z) held
-    W_ref = memory[25:27]  # (W_x, W_z) remembered
-    rate = memory[27:29]  # its trend
-    rate_var = memory[29:31]  # the trends' variance
-    parted_s = memory[31:33]  # time since the sensors parted, per wind component
-    jump = memory[33:39].reshape(2, 3)  # largest jump of the last seconds, forgotten in 3 s
-    W_now = np.empty(2)
-    J = np.empty((2, 3))
-    M = np.empty((2, 3))
-    use_sensor = np.empty((2, 3))
-    value = np.empty((2, 3))
-    table = tuning.copy()
-    confine = np.empty((2, 2))
-    air = np.empty(2)
-    y_new = np.zeros(4)
-    use_new = np.zeros(4)
-    F = np.empty(4)
-    h = np.empty(4)
-    jac = np.empty((3, 4, 4))
-    zero = np.zeros(4)
-    threshold = par[P_TH_A : P_TH_V + 1]
-    x_prior, x, u, y, use, _, _ = window_views(window, N)
-    S = winds.shape[1]
-
-    for row in range(inertial.shape[0]):
-        k = int(count[0])
-        slot = k % n_eval
-        seen = min(k + 1, n_eval)
-        th = theta_rows[row]
-        air_outside(th[5], 0.0, air)
-        if k == 0:
-            W_ref[0] = x[N - 1, 2]
-            W_ref[1] = x[N - 1, 3]
-        y_new[0] = inertial[row, 0]
-        y_new[1] = inertial[row, 1]
-        use_new[0] = use_new[1] = 1.0
-        mhe_advance(model, t_s, N, window, y_new, use_new, th, 0.0, work)
-        # the predicted outputs with their air
-        linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
-        lag_s = (par[P_REF_DELAY] + par[P_REF_MEAN]) * t_s + ESTIMATE_LAG_S
-        for c in range(2):
-            W_now[c] = extrapolated(W_ref[c], rate[c], lag_s + parted_s[c])
-        ref_alpha, ref_cas = against_remembered_wind(th, inertial[row, 1], W_now, air)
-
-        for ch in range(2):
-            limit = threshold[ch]
-            predicted = h[2 + ch]
-            remembered = ref_alpha if ch == 0 else ref_cas
-            parted = -np.inf
-            together = np.inf
-            for i in range(3):
-                v = vanes[row, i] if ch == 0 else pitots[row, i]
-                value[ch, i] = v
-                silent = not np.isfinite(v)
-                rings[0, ch, i, slot] = 2.0 * limit if silent else v - predicted
-                rings[1, ch, i, slot] = 2.0 * limit if silent else v - remembered
-                J[ch, i] = max(residual_rms(rings[0, ch, i], seen), par[P_FLOOR] * limit)
-                M[ch, i] = residual_rms(rings[1, ch, i], seen)
-                above = J[ch, i] > limit
-                jump[ch, i] *= 1.0 - t_s / JUMP_S
-                if k >= 6:
-                    leap = 0.0
-                    for e in range(3):
-                        leap += rings[0, ch, i, (k - e) % n_eval] / 3.0
-                        leap -= rings[0, ch, i, (k - 3 - e) % n_eval] / 3.0
-                    jump[ch, i] = max(jump[ch, i], abs(leap))
-                rings[2, ch, i, slot] = 1.0 if above else 0.0
-                use_sensor[ch, i] = 0.0 if above or silent or latched[ch, i] else 1.0
-                if not latched[ch, i]:
-                    mean = 0.0
-                    for e in range(seen):
-                        mean += rings[0, ch, i, e] / seen
-                    parted = max(parted, mean)
-                    together = min(together, mean)
-            # (19), and the fused value's own distance from the remembered wind
-            fused, M_fused, any_used = fuse(value[ch], J[ch], use_sensor[ch], M[ch])
-            y_new[2 + ch] = fused
-            use_new[2 + ch] = 1.0 if any_used else 0.0
-
-            # confirm, and find out whether the majority is the culprit
-            gust = par[P_GUST_Z] / max(th[0], 1.0) if ch == 0 else par[P_GUST_X]
-            two_var = 2.0 * gust * gust if any_used else 0.0
-            majority_wrong = False
-            leapt = np.inf if any_used else 0.0
-            for i in range(3):
-                if use_sensor[ch, i] == 1.0:
-                    leapt = min(leapt, jump[ch, i])
-            for i in range(3):
-                raised = 0.0
-                for e in range(seen):
-                    raised += rings[2, ch, i, e]
-                if raised >= par[P_N_D] and not latched[ch, i]:
-                    llr = M[ch, i] * M[ch, i] - M_fused * M_fused
-                    # who jumped is wrong; when all crept the memory has the word
-                    own = jump[ch, i]
-                    if own > 0.5 * limit and own > 2.0 * leapt:
-                        guilty = True
-                    elif leapt > 0.5 * limit and leapt > 2.0 * own:
-                        guilty = False
-                        majority_wrong = True
-                    else:
-                        guilty = llr >= par[P_MARGIN_ONE] * two_var
-                        majority_wrong = majority_wrong or -llr > par[P_MARGIN] * two_var
-                    if guilty:
-                        latched[ch, i] = 1.0
-                        peak[ch, i] = J[ch, i]
-                        calm[ch, i] = 0.0
-            if majority_wrong:
-                # the wind that the others ask for, from the last samples against the memory
-                w = 3 - ch
-                apart = 0.0
-                left = 0.0
-                for i in range(3):
-                    if use_sensor[ch, i] == 1.0:
-                        latched[ch, i] = 1.0
-                        peak[ch, i] = M[ch, i]
-                        calm[ch, i] = 0.0
-                        rings[0, ch, i, :] = rings[1, ch, i, :]
-                    elif not latched[ch, i]:
-                        left += 1.0
-                        for e in range(seen):
-                            apart += rings[1, ch, i, e] / seen
-                        rings[0, ch, i, :] = 0.0
-                        rings[2, ch, i, :] = 0.0
-                use_new[2 + ch] = 0.0
-                apart /= max(left, 1.0)
-                seed = W_now[1 - ch] - (apart if ch == 1 else apart * th[0])
-                for j in range(N):
-                    x[j, w] = seed
-                x_prior[w] = seed
-                u[:, w] = 0.0
-
-            # come back one by one, or, after a whole channel was lost, in agreement
-            faulty = latched[ch, 0] + latched[ch, 1] + latched[ch, 2]
-            w = 3 - ch
-            sigma = 0.0
-            if lost[ch] == 1.0:
-                since[ch] += 1.0
-                sigma = par[P_WALK] * math.sqrt(since[ch])
-                if ch == 0:
-                    sigma /= max(th[0], 1.0)
-            for i in range(3):
-                if not latched[ch, i]:
-                    continue
-                peak[ch, i] = max(peak[ch, i], J[ch, i])
-                level = par[P_CLEAR_SHARE] * limit
-                good = J[ch, i] <= level
-                if lost[ch] == 1.0:
-                    level = min(level + 3.0 * sigma, 0.5 * peak[ch, i])
-                    friends = 0
-                    for j in range(3):
-                        if (
-                            j != i
-                            and abs(value[ch, i] - value[ch, j]) <= par[P_CLEAR_SHARE] * limit
-                        ):
-                            friends += 1
-                    offset = -(value[ch, i] - h[2 + ch])  # wind that would explain it
-                    if ch == 0:
-                        offset *= -th[0]
-                    wind = held[1 - ch] + offset
-                    good = J[ch, i] <= level and friends > 0 and tuning[3, w] < wind < tuning[4, w]
-                calm[ch, i] = calm[ch, i] + 1.0 if good else 0.0
-                if calm[ch, i] >= par[P_CLEAR] or par[P_LATCH] == 0.0:
-                    raised = 0.0
-                    for e in range(seen):
-                        raised += rings[2, ch, i, e]
-                    if par[P_LATCH] == 1.0 or raised < par[P_N_D]:
-                        latched[ch, i] = 0.0
-                        rings[2, ch, i, :] = 0.0
-                        faulty -= 1.0
-            if faulty == 3.0 and lost[ch] == 0.0:
-                lost[ch] = 1.0
-                since[ch] = 0.0
-                if par[P_LATCH] == 1.0:
-                    newest = (k - 1) % S
-                    back = x[0, w]
-                    if k > 0:
-                        bound = min(tuning[4, w], 1e6)
-                        change = par[P_CHANGE_X] if ch == 1 else par[P_CHANGE_Z]
-                        back = roll_back(
-                            winds[1 - ch], newest, min(k, S), t_s, bound, int(par[P_BASE]), change
-                        )
-                    held[1 - ch] = back
-                    for j in range(N):
-                        x[j, w] = back
-                    x_prior[w] = back
-                    u[:, w] = 0.0
-                else:
-                    held[1 - ch] = x[N - 1, w]
-            elif faulty < 3.0:
-                lost[ch] = 0.0
-            if lost[ch] == 1.0:
-                use_new[2 + ch] = 0.0
-            for a in range(3):
-                table[a, w] = tuning[a, w]
-            table[3, w] = tuning[3, w]
-            table[4, w] = tuning[4, w]
-            if lost[ch] == 1.0 and par[P_LATCH] == 1.0:
-                table[0, w] = FROZEN_VAR
-                table[1, w] = FROZEN_VAR
-                table[3, w] = -np.inf
-                table[4, w] = np.inf
-            # remember the wind and its trend while the sensors agree
-            if parted - together < par[P_SPREAD] * limit and lost[ch] == 0.0:
-                delay = int(par[P_REF_DELAY])
-                parted_s[1 - ch] = 0.0
-                if k > delay:
-                    at = k - 1 - delay
-                    W_ref[1 - ch] += (winds[1 - ch, at % S] - W_ref[1 - ch]) / par[P_REF_MEAN]
-                    rate[1 - ch], rate_var[1 - ch] = trend(
-                        winds[1 - ch], at, min(at + 1, S), t_s, rate_var[1 - ch]
-                    )
-            else:
-                parted_s[1 - ch] += t_s
-                if lost[ch] == 1.0:
-                    W_ref[1 - ch] = held[1 - ch]
-                    rate[1 - ch] = 0.0
-            # band about the wind of change_base_s ago
-            base = int(par[P_BASE])
-            confine[1, 1 - ch] = np.inf
-            confine[0, 1 - ch] = 0.0
-            if k > base and lost[ch] == 0.0 and tuning[4, w] < np.inf:
-                confine[0, 1 - ch] = winds[1 - ch, (k - 1 - base) % S]
-                confine[1, 1 - ch] = par[P_CHANGE_X] if ch == 1 else par[P_CHANGE_Z]
-
-        for a in range(4):
-            y[N - 1, a] = y_new[a]
-            use[N - 1, a] = use_new[a]
-        status, _ = mhe_solve(
-            model, t_s, table, confine, kappa, n_kappa, n_qp, n_sqp, N, window, work
-        )
-        winds[0, k % S] = x[N - 1, 2]
-        winds[1, k % S] = x[N - 1, 3]
-        count[0] += 1.0
-
-        out = record[row]
-        for a in range(4):
-            out[a] = x[N - 1, a]
-        for ch in range(2):
-            for i in range(3):
-                out[4 + 3 * ch + i] = J[ch, i]
-                out[10 + 3 * ch + i] = latched[ch, i]
-        out[R_CONFIGURATION] = lost[0] + 2.0 * lost[1]
-        linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
-        out[R_ALPHA] = h[2]
-        out[R_CAS] = h[3]
-        walk = par[P_WALK]
-        wz = math.hypot(par[P_GUST_Z], walk * math.sqrt(since[0])) if lost[0] == 1.0 else 0.0
-        wx = math.hypot(par[P_GUST_X], walk * math.sqrt(since[1])) if lost[1] == 1.0 else 0.0
-        out[R_ALPHA_STD] = math.hypot(math.sqrt(tuning[2, 2]), wz / max(th[0], 1.0))
-        out[R_CAS_STD] = math.hypot(math.sqrt(tuning[2, 3]), wx)
-        out[R_STATUS] = status
+EstimatorName = Literal["ekf", "unconstrained", "constrained"]
+ESTIMATORS: tuple[EstimatorName, ...] = ("ekf", "unconstrained", "constrained")
+"""Those of wan2018 section VI-A: any of them in the same fault logic."""
 
 
 @dataclass
@@ -439,14 +91,20 @@ class Triplex:
     estimator : AirDataMHE
         Started at the first sample's state.
     tuning : TriplexTuning
+    history_s : float
+        How long the wind's estimates are remembered.
+    filtering : bool
+        Whether an EKF takes the place of the horizon.
     """
 
     estimator: AirDataMHE
     tuning: TriplexTuning = field(default_factory=TriplexTuning)
     history_s: float = 120.0
+    filtering: bool = False
 
     def __post_init__(self) -> None:
         t_s = self.estimator.tuning.t_s
+        self._cov = np.diag(self.estimator.table[ROW_P])
         self._par = self.tuning.parameters(t_s)
         self._rings = np.zeros((3, 2, 3, self.tuning.N_eval))
         self._memory = np.zeros(48)
@@ -459,10 +117,18 @@ class Triplex:
         theta0: Array,
         mhe: AirDataTuning | None = None,
         tuning: TriplexTuning | None = None,
+        estimator: EstimatorName | None = None,
     ) -> Triplex:
-        """Begin at a state ``x0`` (4,) with parameters ``theta0`` (6,)."""
-        estimator = AirDataMHE(mhe or AirDataTuning(), x0, theta0)
-        return cls(estimator, tuning or TriplexTuning())
+        """Begin at a state ``x0`` (4,) with parameters ``theta0`` (6,).
+
+        ``estimator`` is one of :data:`ESTIMATORS`; the EKF takes P, Q, R and the sampling time of
+        ``mhe`` and nothing else of it. Without it, ``mhe.constrained`` decides.
+        """
+        weights = mhe or AirDataTuning()
+        if estimator is not None:
+            weights = replace(weights, constrained=estimator == "constrained")
+        filtering = estimator == "ekf"
+        return cls(AirDataMHE(weights, x0, theta0), tuning or TriplexTuning(), filtering=filtering)
 
     def run(self, inertial: Array, vanes: Array, pitots: Array, theta: Array) -> TriplexRecord:
         """Take (T, ...) samples; the arrays are those of :func:`triplex_run`."""
@@ -470,8 +136,8 @@ class Triplex:
         record = np.empty((len(inertial), R_SIZE))
         triplex_run(
             t.model, t.t_s, e.table, self._par, 0.0 if t.converged else t.kappa, t.n_kappa, t.n_qp,
-            t.sqp_iterations, t.N, e.window, e.work, self._rings, self._memory, self._winds,
-            np.ascontiguousarray(inertial), np.ascontiguousarray(vanes),
+            t.sqp_iterations, t.N, e.window, e.work, self.filtering, self._cov, self._rings,
+            self._memory, self._winds, np.ascontiguousarray(inertial), np.ascontiguousarray(vanes),
             np.ascontiguousarray(pitots), np.ascontiguousarray(theta), record,
         )  # fmt: skip
         return TriplexRecord(

@@ -48,6 +48,12 @@ def _run(flight, tuning=None, **mhe):
     return triplex.run(flight.inertial, flight.vanes, flight.pitots, flight.theta)
 
 
+def _run_with(flight, estimator, **mhe):
+    weights = AirDataTuning(**mhe)
+    triplex = Triplex.start(flight.x0, flight.theta[0], weights, estimator=estimator)
+    return triplex.run(flight.inertial, flight.vanes, flight.pitots, flight.theta)
+
+
 def _first_s(flight, faulty):
     """Time of the first True per sensor; NaN where there is none."""
     return np.where(faulty.any(axis=0), flight.t[faulty.argmax(axis=0)], np.nan)
@@ -300,3 +306,44 @@ def test_three_running_away_on_an_independent_flight():
         assert not records[0].faulty[:, 0].any()
         assert not _released(records[0].faulty)
         assert not records[1].faulty.any()
+
+
+def test_the_ekf_in_the_fault_logic_is_filterpys():
+    """Three equal sensors fuse to their value: the kernel's filter against another's, 20 s."""
+    pytest.importorskip("filterpy")
+    from estimators.baselines.air_data_ekf import AirDataEKF
+
+    flight = fly(20.0, 2)
+    flight.vanes[:] = flight.vanes[:, :1]
+    flight.pitots[:] = flight.pitots[:, :1]
+    record = _run_with(flight, "ekf")
+    peer = AirDataEKF(AirDataTuning(), flight.x0, flight.theta[0])
+    for k in range(len(flight.t)):
+        y = np.array([*flight.inertial[k], flight.vanes[k, 0], flight.pitots[k, 0]])
+        x = peer.step(y, np.ones(4), flight.theta[k])
+        np.testing.assert_allclose(record.x[k], x, rtol=1e-9, atol=1e-10)
+    assert not record.faulty.any()
+
+
+@pytest.mark.parametrize("estimator", ["ekf", "unconstrained"])
+def test_an_estimator_without_bounds_takes_a_common_runaway_for_wind(estimator):
+    """wan2018 Fig. 4 (q_w = 1); the constrained one of the same logic finds all three."""
+    q_w_1 = (np.radians(1.0), 0.5, 1.0, 1.0)
+    flight = fly(60.0, 1, speed=180.0, altitude=1524.0)
+    _break(flight, 1, (0, 1, 2), "runaway", -15 * KT)
+    np.maximum(flight.pitots, 20 * KT, out=flight.pitots)
+    assert not _run_with(flight, estimator, Q_std=q_w_1).faulty.any()
+    assert _run_with(flight, "constrained", Q_std=q_w_1).faulty[-1, 1].all()
+
+
+@pytest.mark.parametrize("estimator", ["ekf", "unconstrained", "constrained"])
+def test_every_estimator_isolates_two_of_three_and_carries_on_without_a_channel(estimator):
+    flight = fly(60.0, 3)
+    _break(flight, 0, (0, 1), "bias", 5 * DEG)
+    _break(flight, 1, (0, 1, 2), "jamming", -60 * KT, start_s=30.0)
+    record = _run_with(flight, estimator)
+    assert record.faulty[-1, 0].tolist() == [True, True, False]
+    assert record.faulty[-1, 1].all()
+    late = flight.t > 32.0
+    assert (np.abs(record.cas - flight.cas)[late] < 3 * record.cas_std[late]).all()
+    assert np.degrees(np.abs(record.alpha - flight.alpha)[late]).max() < 1.5
