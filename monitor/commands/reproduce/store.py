@@ -69,7 +69,7 @@ class Store:
             Also when other code made it.
         """
         try:
-            with np.load(self.path(job), allow_pickle=False) as file:
+            with self.path(job).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 head = json.loads(bytes(file[HEAD]).decode())
                 if head["digest"] != job.digest():
                     return None
