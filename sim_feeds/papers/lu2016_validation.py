@@ -1,0 +1,118 @@
+"""Which flights validate lu2016's reconstruction in closed loop and on recordings, validated."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from math import radians
+
+from pydantic import Field
+
+from sim_feeds.papers.lu2016 import Air
+from sim_feeds.section import Strict, parse_table
+
+__all__ = [
+    "ClosedLoopSection",
+    "OrderSection",
+    "RecordedFlight",
+    "RecordedSection",
+    "Validation",
+    "validation",
+]
+
+
+class OrderSection(Strict):
+    """What the autopilot is told from a time on."""
+
+    start_s: float = Field(ge=0.0)
+    bank_deg: float = Field(0.0, gt=-45.0, lt=45.0)
+    climb_m_s: float = 0.0
+
+
+class ClosedLoopFlight(Strict):
+    """The flight that is flown by the autopilot."""
+
+    duration_s: float = Field(gt=0.0)
+    rate_hz: float = Field(gt=0.0)
+    speed_m_s: float = Field(gt=0.0)
+    height_m: float
+    heading_deg: float
+    order: tuple[OrderSection, ...]
+
+    @property
+    def heading_rad(self) -> float:
+        """At the start."""
+        return radians(self.heading_deg)
+
+
+class ClosedLoopSection(Strict):
+    """Sections 3.2 and 3.3 of the paper."""
+
+    winds: tuple[Air, ...]
+    seeds: tuple[int, ...] = Field(min_length=1)
+    quick_seeds: tuple[int, ...] = Field(min_length=1)
+    tuning_seeds: tuple[int, ...] = Field(description="On which the autopilot was tuned.")
+    flight: ClosedLoopFlight
+
+    def chosen(self, quick: bool) -> tuple[int, ...]:
+        """Seeds of the version asked for."""
+        return self.quick_seeds if quick else self.seeds
+
+
+class RecordedFlight(Strict):
+    """One recording, and where the faults of the figures begin in it."""
+
+    name: str
+    file: str
+    healthy_until_s: float | None = Field(None, gt=0.0, description="From the first record.")
+    shown_s: float = Field(gt=0.0)
+
+
+class RecordedSection(Strict):
+    """Section 5 of the paper."""
+
+    fault_s: float = Field(gt=0.0)
+    before_s: float = Field(gt=0.0)
+    after_s: float = Field(gt=0.0)
+    step_s: float = Field(gt=0.0)
+    quick_step_s: float = Field(gt=0.0)
+    gps_hz: float = Field(gt=0.0)
+    flight: tuple[RecordedFlight, ...]
+
+    def onsets_s(self, flight: RecordedFlight, duration_s: float, *, quick: bool) -> list[float]:
+        """Where faults begin: once every step as long as they end in the healthy part.
+
+        Parameters
+        ----------
+        flight
+            One of the section's.
+        duration_s
+            Of its recording.
+        quick
+            With the wider step.
+        """
+        last = min(duration_s, flight.healthy_until_s or duration_s) - self.after_s - self.fault_s
+        step = self.quick_step_s if quick else self.step_s
+        count = int((last - self.before_s) // step) + 1
+        return [self.before_s + k * step for k in range(max(count, 0))]
+
+
+class Validation(Strict):
+    """Everything that is flown, and the recordings that are used."""
+
+    closed_loop: ClosedLoopSection
+    recorded: RecordedSection
+
+
+@cache
+def validation() -> Validation:
+    """The bundled file.
+
+    Raises
+    ------
+    sim_feeds.section.ScenarioError
+        It does not fit its sections.
+    """
+    name = "lu2016_validation.toml"
+    text = files("sim_feeds.papers").joinpath(name).read_text(encoding="utf-8")
+    return parse_table(text, Validation, name)
