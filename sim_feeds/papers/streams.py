@@ -6,3 +6,5 @@ from typing import Final
 
 NOISE_STREAM: Final = 2
 FAULT_STREAM: Final = 3
+PROCESS_STREAM: Final = 4
+INPUT_STREAM: Final = 5
