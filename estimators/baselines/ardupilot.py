@@ -42,15 +42,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.baselines.autopilot_events import (
-    ATTITUDE,
-    DENSITY,
+    FIX,
     FLYING,
+    FRESH_US,
     GPS,
-    NAV,
+    GPS_T,
+    IN_FLIGHT,
+    NAV_T,
     PARAMETER,
     PITOTS,
+    Q_T,
+    RHO,
+    SAID,
+    SHARED,
+    TICK,
     TICK_US,
+    Q,
+    V,
     begin_along_heading,
+    follow,
     fuse_airspeed,
     fuse_sideslip,
     grow,
@@ -101,21 +111,17 @@ DO_DISABLE, DO_REENABLE, USE_EKF = 1, 2, 8
 
 BAD, GOOD, P_DISABLE, P_ENABLE, DISABLED_GATE = 0.90, 0.98, 0.10, 0.95, 0.7
 RETRY_US = 5_000_000
-FRESH_US = 1_000_000
 EKF_STEP_S = 0.012
 VELOCITY_VAR = 0.13**2
 """EKF3's own variance of each velocity component in steady flight [m^2/s^2]."""
 SIDESLIP_VAR, SIDESLIP_MAX_RAD = 0.03, 0.5
 BEGIN_ACROSS_RAD = np.radians(45.0)
 
-# State vector.
-TICK, GPS_T, SPEED, FIX, NAV_T, Q_T, RHO, IN_FLIGHT = range(8)
-GROWN_T, NU, S_NU, NU_T, PASS_T, LATE, SAID = range(8, 15)
-CAS, CAS_T, CHECK_T, HEALTH, OFF = range(15, 15 + 5 * PITOTS, PITOTS)
-V = slice(30, 33)
-Q = slice(33, 37)
-WIND = slice(37, 43)
-_SIZE = 43
+# State vector: what both autopilots keep, then ArduPilot's own.
+SPEED, GROWN_T, NU, S_NU, NU_T, PASS_T, LATE = range(SHARED, SHARED + 7)
+CAS, CAS_T, CHECK_T, HEALTH, OFF = range(LATE + 1, LATE + 1 + 5 * PITOTS, PITOTS)
+WIND = slice(OFF + PITOTS, OFF + PITOTS + 6)
+_SIZE = OFF + PITOTS + 6
 
 
 class ArduPilotAirspeed:
@@ -188,25 +194,15 @@ def judge(
             s[CAS + k], s[CAS_T + k] = v[0], t
             if k == int(par[PRIMARY]):
                 _fuse(s, par, t, v[0], out)
-        elif k == GPS:
-            s[GPS_T], s[FIX] = t, v[2]
-            s[SPEED] = sqrt(v[0] * v[0] + v[1] * v[1])
-            if not t - s[NAV_T] < FRESH_US:
-                s[V][0], s[V][1], s[V][2] = v[0], v[1], 0.0
-        elif k == NAV:
-            s[NAV_T] = t
-            s[V][:] = v[:3]
-        elif k == ATTITUDE:
-            s[Q_T] = t
-            s[Q][:] = v
-        elif k == DENSITY:
-            s[RHO] = v[0]
-        elif k == FLYING:
-            s[IN_FLIGHT] = v[0]
-            s[WIND] = 0.0
-            s[PASS_T], s[LATE] = t, 0.0
         elif k == PARAMETER:
             par[int(v[0])] = v[1]
+        else:
+            follow(s, t, k, v)
+            if k == GPS:
+                s[SPEED] = sqrt(v[0] * v[0] + v[1] * v[1])
+            elif k == FLYING:
+                s[WIND] = 0.0
+                s[PASS_T], s[LATE] = t, 0.0
     return int(s[SAID])
 
 

@@ -48,13 +48,26 @@ __all__ = [
     "AIRSPEED",
     "ATTITUDE",
     "DENSITY",
+    "FIX",
     "FLYING",
+    "FRESH_US",
     "GPS",
+    "GPS_T",
+    "IN_FLIGHT",
     "NAV",
+    "NAV_T",
     "PARAMETER",
     "PITOTS",
+    "Q_T",
+    "RHO",
+    "SAID",
+    "SHARED",
+    "TICK",
     "TICK_US",
+    "Q",
+    "V",
     "begin_along_heading",
+    "follow",
     "fuse_airspeed",
     "fuse_sideslip",
     "grow",
@@ -72,8 +85,17 @@ AIRSPEED, GPS, NAV, ATTITUDE, DENSITY, FLYING, PARAMETER = 0, 3, 4, 5, 6, 7, 8
 W_N, W_E, P_NN, P_NE, P_EE, READY = range(6)
 """Wind filter."""
 
+TICK, GPS_T, FIX, NAV_T, Q_T, RHO, IN_FLIGHT, SAID = range(8)
+"""What every state vector begins with: the next look, what was heard and when, rows written."""
+V, Q = slice(8, 11), slice(11, 15)
+"""Ground velocity: the autopilot's own while it is fresh, else the receiver's; attitude."""
+SHARED = 15
+"""Elements of the common part."""
+
 TICK_US = 100_000
 """Both autopilots look at their airspeeds ten times a second [us]."""
+FRESH_US = 1_000_000
+"""After this a value is no longer believed to be now [us]."""
 
 VARIANCE_MAX = 400.0
 """Bound on a wind component's variance [m^2/s^2]."""
@@ -88,6 +110,35 @@ def new_wind() -> Array:
 def next_tick(t_us: int) -> int:
     """The first multiple of TICK_US after a time [us]."""
     return (t_us // TICK_US + 1) * TICK_US
+
+
+@kernel
+def follow(s: Array, t: float, k: int, v: Array) -> None:
+    """Take an event of the common kinds into the common part of a state.
+
+    Parameters
+    ----------
+    s : (SHARED or more,) float64
+        Changed in place.
+    t, k : float, int
+        Time [us] and kind; pitots and parameters change nothing here.
+    v : (4,) float64
+        Values of the kind.
+    """
+    if k == GPS:
+        s[GPS_T], s[FIX] = t, v[2]
+        if not t - s[NAV_T] < FRESH_US:
+            s[V][0], s[V][1], s[V][2] = v[0], v[1], 0.0
+    elif k == NAV:
+        s[NAV_T] = t
+        s[V][:] = v[:3]
+    elif k == ATTITUDE:
+        s[Q_T] = t
+        s[Q][:] = v
+    elif k == DENSITY:
+        s[RHO] = v[0]
+    elif k == FLYING:
+        s[IN_FLIGHT] = v[0]
 
 
 @kernel

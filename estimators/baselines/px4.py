@@ -45,14 +45,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.baselines.autopilot_events import (
-    ATTITUDE,
-    DENSITY,
+    FIX,
     FLYING,
-    GPS,
-    NAV,
+    FRESH_US,
+    GPS_T,
+    IN_FLIGHT,
+    NAV_T,
     PITOTS,
+    Q_T,
+    RHO,
+    SAID,
+    SHARED,
+    TICK,
     TICK_US,
+    Q,
+    V,
     begin_along_heading,
+    follow,
     fuse_airspeed,
     fuse_sideslip,
     grow,
@@ -85,7 +94,7 @@ INNOV_M_S, INTEG_M, FAIL_US, STOP_US, START_US = range(5)
 AIRSPEED_DEFAULTS: Final = np.array([5.0, 10.0, 1e6, 1e6, -1e6])
 """ASPD_FS_INNOV [m/s], ASPD_FS_INTEG [m], T_fail, ASPD_FS_T_STOP, ASPD_FS_T_START [us]."""
 
-MISSING_US, STUCK_US, SETTLE_US, FRESH_US = 1_000_000, 2_000_000, 5_000_000, 1_000_000
+MISSING_US, STUCK_US, SETTLE_US = 1_000_000, 2_000_000, 5_000_000
 TAS_VAR, TAS_GATE = 1.4**2, 4.0
 BETA_VAR, BETA_GATE = 0.15**2, 1.0
 WIND_PSD = 0.1**2
@@ -94,10 +103,7 @@ VELOCITY_VAR = 0.13**2
 BEGIN_ACROSS_RAD = float(np.hypot(np.radians(10.0), np.radians(15.0)))
 """Heading and sideslip, as far as they are trusted when the wind begins."""
 
-# State: common part, then one block per pitot.
-TICK, GPS_T, FIX, NAV_T, Q_T, RHO, IN_FLIGHT, SAID = range(8)
-V, Q = slice(8, 11), slice(11, 15)
-FIRST = 15
+# State: the common part, and one block per pitot.
 CAS, CAS_T, NEW, CHANGED_T, SHOWN, GROWN_T, BEGUN_T = range(7)
 E, E_T, OVER_T, FAIL_T, PASS_T, INVALID = range(7, 13)
 WIND = slice(13, 19)
@@ -115,7 +121,7 @@ class PX4Airspeed:
 
     def __init__(self, settings: Array = AIRSPEED_DEFAULTS) -> None:
         self.par = settings.copy()
-        self.state = np.zeros(FIRST)
+        self.state = np.zeros(SHARED)
         self.state[[TICK, GPS_T, NAV_T, Q_T]] = -np.inf
         self.state[RHO] = 1.0
         self.pitots = np.zeros((PITOTS, _BLOCK))
@@ -170,23 +176,11 @@ def validate(
             p[CAS], p[CAS_T], p[NEW] = v[0], t, 1.0
             if v[0] != p[SHOWN]:
                 p[SHOWN], p[CHANGED_T] = v[0], t
-        elif k == GPS:
-            s[GPS_T], s[FIX] = t, v[2]
-            if not t - s[NAV_T] < FRESH_US:
-                s[V][0], s[V][1], s[V][2] = v[0], v[1], 0.0
-        elif k == NAV:
-            s[NAV_T] = t
-            s[V][:] = v[:3]
-        elif k == ATTITUDE:
-            s[Q_T] = t
-            s[Q][:] = v
-        elif k == DENSITY:
-            s[RHO] = v[0]
-        elif k == FLYING:
-            s[IN_FLIGHT] = v[0]
-            for j in range(PITOTS):
-                pitots[j, CHANGED_T] = t
-                pitots[j, WIND] = 0.0
+        else:
+            follow(s, t, k, v)
+            if k == FLYING:
+                pitots[:, CHANGED_T] = t
+                pitots[:, WIND] = 0.0
     return int(s[SAID])
 
 
