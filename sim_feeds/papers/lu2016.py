@@ -21,7 +21,7 @@ from sim_feeds.papers.streams import FAULT_STREAM, NOISE_STREAM
 from sim_feeds.trajectory import fly
 from sim_feeds.wind import Dryden, Ramp, Wind
 
-__all__ = ["Air", "ImuExperiment", "lu2016_experiment", "lu2016_wind"]
+__all__ = ["Air", "ImuExperiment", "imu_faults", "lu2016_experiment", "lu2016_wind"]
 
 Floats = NDArray[np.float64]
 Air = Literal["calm", "shear", "turbulence"]
@@ -92,6 +92,16 @@ def lu2016_wind(air: Air) -> Wind:
     )
 
 
+def imu_faults(faults: list[Fault], t_s: Floats, measured: Floats, seed: int) -> Floats:
+    """What the faults add to the readings of ``imu0``, (n, 6) float64 [m/s^2, rad/s]."""
+    f = np.zeros((len(t_s), 6))
+    draws = np.random.default_rng([seed, FAULT_STREAM]).spawn(6)
+    for k, axis in enumerate(GYRO_ACC_AXES):
+        own = [x for x in faults if x.sensor == f"imu0.{axis}"]
+        f[:, k] = apply_all(own, t_s, measured[:, k], draws[k]) - measured[:, k]
+    return f
+
+
 def lu2016_experiment(
     air: Air = "calm",
     seed: int = 0,
@@ -128,12 +138,7 @@ def lu2016_experiment(
     rng = np.random.default_rng([seed, NOISE_STREAM])
     imu = np.column_stack([truth.specific_force_m_s2, truth.rate_rad_s])[:n]
     measured = imu + u_std * rng.standard_normal((n, 6))
-    chosen = lu2016_table2() if faults is None else faults
-    f = np.zeros((n, 6))
-    draws = np.random.default_rng([seed, FAULT_STREAM]).spawn(6)
-    for k, axis in enumerate(GYRO_ACC_AXES):
-        own = [x for x in chosen if x.sensor == f"imu0.{axis}"]
-        f[:, k] = apply_all(own, t, measured[:, k], draws[k]) - measured[:, k]
+    f = imu_faults(lu2016_table2() if faults is None else faults, t, measured, seed)
     angles = truth.euler_rad[:n]
     x_ground = np.column_stack([truth.vel_ned_m_s[:n], angles])
     flow = np.column_stack([truth.tas_m_s, truth.aoa_rad, truth.ssa_rad])[:n]
