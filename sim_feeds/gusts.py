@@ -11,7 +11,7 @@ rates are their exact derivatives.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sim_feeds.airframe import Airframe
 from sim_feeds.earth import STANDARD_GRAVITY_M_S2 as G0
 
-__all__ = ["GustResponse", "linear_response", "respond"]
+__all__ = ["GustResponse", "discrete_noise", "linear_response", "recurrence", "respond"]
 
 Floats = NDArray[np.float64]
 
@@ -73,11 +73,11 @@ def linear_response(
     step = _expm(block)
     Ad, now, slope = step[:m, :m], step[:m, m : m + r], step[:m, m + r :]
     drive = u[:-1] @ now.T + np.diff(u, axis=0) @ slope.T
-    x = _recurrence(Ad, np.concatenate([x0[None], drive]))
+    x = recurrence(Ad, np.concatenate([x0[None], drive]))
     return x, x @ A.T + u @ B.T
 
 
-def _recurrence(A: Floats, d: Floats) -> Floats:
+def recurrence(A: Floats, d: Floats) -> Floats:
     """x[k] = A x[k-1] + d[k] for all k at once, by doubling.
 
     After the pass with span s, x[k] holds the sum of A^j d[k-j] over the last 2 s terms.
@@ -88,6 +88,37 @@ def _recurrence(A: Floats, d: Floats) -> Floats:
         x = np.concatenate([x[:span], x[span:] + added])
         power, span = power @ power, 2 * span
     return x
+
+
+def discrete_noise(A: Floats, W: Floats, dt_s: float) -> tuple[Floats, Floats, Floats]:
+    """A linear system driven by white noise, as exact steps.
+
+    Parameters
+    ----------
+    A, W : (m, m) float64
+        x' = A x + w with w of intensity W; A is stable.
+    dt_s
+        The step, in the unit of time of A.
+
+    Returns
+    -------
+    step, kick, start : (m, m) float64
+        x[k+1] = step x[k] + kick n[k] and x[0] = start n for standard normal n: x is stationary.
+    """
+    m = len(A)
+    eye = np.eye(m)
+    # Stationary covariance: A P + P A' + W = 0.
+    P = np.linalg.solve(np.kron(A, eye) + np.kron(eye, A), -W.ravel()).reshape(m, m)
+    block = _expm(np.block([[-A, W], [np.zeros((m, m)), A.T]]) * dt_s)
+    step = block[m:, m:].T
+    Q = step @ block[:m, m:]
+    return step, _root(Q), _root(P)
+
+
+def _root(P: NDArray[Any]) -> Floats:
+    """A root of a symmetric positive semidefinite matrix: P = root root'."""
+    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _expm(a: Floats) -> Floats:

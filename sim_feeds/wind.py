@@ -147,6 +147,8 @@ class Dryden:
     high_std_m_s: float = 1.5
     fixed_std_m_s: float | None = None
     fixed_scale_m: float | None = None
+    high_scale_ft: float = 1750.0
+    """Scale above 2000 ft; 2500 ft for the von Karman form."""
 
     def scales(self, agl_m: Floats) -> tuple[Floats, Floats]:
         """Standard deviations and scale lengths along u, v, w: (n, 3) [m/s], (n, 3) [m].
@@ -160,7 +162,7 @@ class Dryden:
         vertical_std = 0.1 * self.wind_6m_m_s
         level_std = vertical_std / factor**0.4
         level_scale = low / factor**1.2 * FOOT_M
-        high_scale = 1750.0 * FOOT_M
+        high_scale = self.high_scale_ft * FOOT_M
 
         def blend(below: Floats | float, above: float) -> Floats:
             return np.asarray((1.0 - mix) * below + mix * above)

@@ -1,0 +1,160 @@
+"""One aircraft in JSBSim, in SI units, with the engine's traps closed.
+
+- JSBSim remembers the initial velocity in its own frame: a latitude or heading set after it changes
+  it. :meth:`Engine.start` sets the velocity last.
+- Its attitude integrator is Euler's, half a step late. Here attitude and rates use the schemes of
+  second order, see ``INTEGRATORS``.
+- ``p, q, r`` are rates against the earth's surface frame; gyros measure ``pi, qi, ri``.
+- ``a-pilot`` is of the step before; specific force here is total force over mass.
+- Wind is the velocity the air moves toward.
+- JSBSim prints to standard output; here it is silent.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import jsbsim
+
+__all__ = ["FOOT_M", "AircraftMissing", "Engine", "EngineMissing", "bundled_aircraft"]
+
+Floats = NDArray[np.float64]
+
+FOOT_M: Final = 0.3048
+NEEDED: Final = (
+    "the six-degree-of-freedom vehicle needs JSBSim: pip install 'mavsentry[sim]' "
+    "(the kinematic vehicle flies without it)"
+)
+INTEGRATORS: Final = {
+    "simulation/integrator/rate/rotational": 3.0,
+    "simulation/integrator/rate/translational": 3.0,
+    "simulation/integrator/position/rotational": 7.0,
+    "simulation/integrator/position/translational": 4.0,
+}
+"""3 and 4 are Adams-Bashforth of second and third order, 7 is Buss' second-order rotation."""
+
+
+class EngineMissing(RuntimeError):
+    """JSBSim is not installed; the message says what to install."""
+
+
+class AircraftMissing(ValueError):
+    """No aircraft of this name; the message lists ours."""
+
+
+def bundled_aircraft() -> Path:
+    """Directory of our aircraft files."""
+    return Path(str(files("sim_feeds.sixdof") / "aircraft"))
+
+
+def _jsbsim() -> ModuleType:
+    if importlib.util.find_spec("jsbsim") is None:
+        raise EngineMissing(NEEDED)
+    import jsbsim
+
+    return jsbsim
+
+
+class Engine:
+    """An aircraft and its equations of motion.
+
+    Parameters
+    ----------
+    aircraft
+        One of ours, or any that JSBSim ships ("c172p").
+    dt_s
+        Step of the integration.
+
+    Raises
+    ------
+    EngineMissing
+        JSBSim is not installed: show the message.
+    AircraftMissing
+        Neither we nor JSBSim have it.
+    """
+
+    def __init__(self, aircraft: str, *, dt_s: float) -> None:
+        module = _jsbsim()
+        module.FGJSBBase().debug_lvl = 0
+        ours = bundled_aircraft()
+        theirs = Path(module.get_default_root_dir())
+        root = ours if (ours / aircraft).is_dir() else theirs / "aircraft"
+        if not (root / aircraft / f"{aircraft}.xml").is_file():
+            known = ", ".join(sorted(p.name for p in ours.iterdir() if p.is_dir()))
+            raise AircraftMissing(f"no aircraft {aircraft!r}: ours are {known}; JSBSim has others")
+        fdm: jsbsim.FGFDMExec = module.FGFDMExec(str(theirs))
+        fdm.set_debug_level(0)
+        if not fdm.load_model_with_paths(
+            aircraft, str(root), str(theirs / "engine"), str(theirs / "systems")
+        ):
+            raise AircraftMissing(f"JSBSim cannot read the aircraft {aircraft!r}")
+        fdm.set_dt(dt_s)
+        for name, scheme in INTEGRATORS.items():
+            fdm[name] = scheme
+        self.fdm = fdm
+        self.dt_s = dt_s
+        self._properties = fdm.get_property_manager()
+
+    def node(self, name: str) -> Any:
+        """The property node of a name, for quick access; created when new."""
+        return self._properties.get_node(name, True)
+
+    def set(self, values: Mapping[str, float]) -> None:
+        """Set properties by name."""
+        for name, value in values.items():
+            self.fdm[name] = value
+
+    def start(
+        self,
+        *,
+        lat_rad: float,
+        lon_rad: float,
+        height_m: float,
+        euler_rad: tuple[float, float, float],
+        vel_ned_m_s: Floats,
+        wind_ned_m_s: Floats,
+        field_m: float = 0.0,
+    ) -> None:
+        """Put the aircraft into the air.
+
+        Parameters
+        ----------
+        lat_rad, lon_rad, height_m
+            Geodetic, on the WGS84 ellipsoid.
+        euler_rad
+            Roll, pitch, yaw.
+        vel_ned_m_s, wind_ned_m_s : (3,) float64
+            Velocity against the ground, and steady wind.
+        field_m
+            Height of the ground.
+        """
+        roll, pitch, yaw = euler_rad
+        self.set(
+            {
+                "ic/lat-geod-rad": lat_rad,
+                "ic/long-gc-rad": lon_rad,
+                "ic/terrain-elevation-ft": field_m / FOOT_M,
+                "ic/h-sl-ft": height_m / FOOT_M,
+                "ic/phi-rad": roll,
+                "ic/theta-rad": pitch,
+                "ic/psi-true-rad": yaw,
+            }
+        )
+        for axis, speed in zip("ned", vel_ned_m_s, strict=True):
+            self.fdm[f"ic/v{axis}-fps"] = speed / FOOT_M
+        self.fdm.run_ic()
+        for axis, speed in zip(("north", "east", "down"), wind_ned_m_s, strict=True):
+            self.fdm[f"atmosphere/wind-{axis}-fps"] = speed / FOOT_M
+
+    def step(self) -> None:
+        """Advance by one step."""
+        self.fdm.run()

@@ -1,0 +1,204 @@
+"""A simple autopilot for a small aircraft: waypoints, height and airspeed hold.
+
+It flies on the truth, as the paper's state feedback does. Loops are proportional-integral and
+closed one inside the other: course -> bank -> aileron, height -> pitch -> elevator, airspeed ->
+throttle; the rudder damps the yaw beyond the rate of a coordinated turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import atan, atan2, cos, hypot, pi, radians, sin, tan
+from typing import Final
+
+from sim_feeds.earth import STANDARD_GRAVITY_M_S2 as G0
+
+__all__ = ["AEROSONDE_GAINS", "Commands", "Gains", "Pilot", "Seen"]
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Of one aircraft; commands are -1..1 (surfaces) and 0..1 (throttle).
+
+    Attributes
+    ----------
+    course_rad_m
+        Course error asked for per metre beside the leg, for small offsets.
+    course_1_s
+        Rate of turn per course error.
+    bank_limit_rad, pitch_limit_rad
+    aileron_per_rad, aileron_per_rad_s, aileron_per_rad_integral
+        On bank error, roll rate, integral of bank error.
+    climb_1_s
+        Climb rate asked for per metre of height error.
+    pitch_per_m_s, pitch_per_m
+        On the climb rate's error and its integral.
+    elevator_per_rad, elevator_per_rad_s, elevator_per_rad_integral
+        On pitch error, pitch rate, integral of pitch error.
+    throttle_trim, throttle_per_m_s, throttle_per_m
+        On airspeed error and its integral.
+    rudder_per_rad_s
+        On yaw rate beyond the coordinated turn's.
+    """
+
+    course_rad_m: float
+    course_1_s: float
+    bank_limit_rad: float
+    pitch_limit_rad: float
+    aileron_per_rad: float
+    aileron_per_rad_s: float
+    aileron_per_rad_integral: float
+    climb_1_s: float
+    pitch_per_m_s: float
+    pitch_per_m: float
+    elevator_per_rad: float
+    elevator_per_rad_s: float
+    elevator_per_rad_integral: float
+    throttle_trim: float
+    throttle_per_m_s: float
+    throttle_per_m: float
+    rudder_per_rad_s: float
+
+
+AEROSONDE_GAINS: Final = Gains(
+    course_rad_m=0.012,
+    course_1_s=0.8,
+    bank_limit_rad=radians(35.0),
+    pitch_limit_rad=radians(15.0),
+    aileron_per_rad=1.2,
+    aileron_per_rad_s=0.0,
+    aileron_per_rad_integral=0.6,
+    climb_1_s=0.35,
+    pitch_per_m_s=0.035,
+    pitch_per_m=0.012,
+    elevator_per_rad=1.0,
+    elevator_per_rad_s=0.3,
+    elevator_per_rad_integral=1.5,
+    throttle_trim=0.55,
+    throttle_per_m_s=0.08,
+    throttle_per_m=0.02,
+    rudder_per_rad_s=0.4,
+)
+CLIMB_LIMIT_M_S: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the autopilot steers by: SI and rad, position against the origin of the waypoints."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+    vel_n_m_s: float
+    vel_e_m_s: float
+    climb_m_s: float
+    roll: float
+    pitch: float
+    p: float
+    q: float
+    r: float
+    tas_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """Positive: nose down, right wing down, nose left; throttle 0..1."""
+
+    elevator: float
+    aileron: float
+    rudder: float
+    throttle: float
+
+
+@dataclass
+class Pilot:
+    """Flies round a closed list of waypoints.
+
+    Parameters
+    ----------
+    gains
+    waypoints_m
+        North and east; the last leg leads back to the first.
+    height_m, tas_m_s
+        To hold.
+    dt_s
+        Between calls.
+    """
+
+    gains: Gains
+    waypoints_m: Sequence[tuple[float, float]]
+    height_m: float
+    tas_m_s: float
+    dt_s: float
+    _next: int = 0
+    _bank_sum: float = field(default=0.0)
+    _climb_sum: float = field(default=0.0)
+    _pitch_sum: float = field(default=0.0)
+    _speed_sum: float = field(default=0.0)
+
+    def steer(self, seen: Seen) -> Commands:
+        """Commands for the next ``dt_s``."""
+        g, dt = self.gains, self.dt_s
+        bank = self._bank(seen)
+        error = bank - seen.roll
+        self._bank_sum = _clip(self._bank_sum + error * dt, 0.5)
+        aileron = (
+            g.aileron_per_rad * error
+            + g.aileron_per_rad_integral * self._bank_sum
+            - g.aileron_per_rad_s * seen.p
+        )
+
+        climb = _clip(g.climb_1_s * (self.height_m - seen.height_m), CLIMB_LIMIT_M_S)
+        slow = climb - seen.climb_m_s
+        self._climb_sum = _clip(self._climb_sum + slow * dt, g.pitch_limit_rad / g.pitch_per_m)
+        pitch = _clip(g.pitch_per_m_s * slow + g.pitch_per_m * self._climb_sum, g.pitch_limit_rad)
+        error = pitch - seen.pitch
+        self._pitch_sum = _clip(self._pitch_sum + error * dt, 0.5)
+        # The rate of pitch in a level turn is no error.
+        turn = G0 / max(seen.tas_m_s, 5.0) * tan(_clip(seen.roll, 1.2))
+        elevator = -(
+            g.elevator_per_rad * error
+            + g.elevator_per_rad_integral * self._pitch_sum
+            - g.elevator_per_rad_s * (seen.q - turn * sin(seen.roll))
+        )
+
+        error = self.tas_m_s - seen.tas_m_s
+        throttle = g.throttle_trim + g.throttle_per_m_s * error + g.throttle_per_m * self._speed_sum
+        if 0.0 < throttle < 1.0 or error * (throttle - 0.5) < 0.0:
+            self._speed_sum += error * dt
+
+        rudder = g.rudder_per_rad_s * (seen.r - turn * cos(seen.roll))
+        return Commands(
+            _clip(elevator, 1.0),
+            _clip(aileron, 1.0),
+            _clip(rudder, 1.0),
+            min(max(throttle, 0.0), 1.0),
+        )
+
+    def _bank(self, seen: Seen) -> float:
+        """Bank that brings the course over ground onto the leg."""
+        g = self.gains
+        speed = hypot(seen.vel_n_m_s, seen.vel_e_m_s)
+        n1, e1 = self.waypoints_m[self._next]
+        n0, e0 = self.waypoints_m[self._next - 1]
+        leg = atan2(e1 - e0, n1 - n0)
+        n2, e2 = self.waypoints_m[(self._next + 1) % len(self.waypoints_m)]
+        corner = abs(_wrapped(atan2(e2 - e1, n2 - n1) - leg))
+        radius = speed**2 / (G0 * tan(0.8 * g.bank_limit_rad))
+        to_go = cos(leg) * (n1 - seen.north_m) + sin(leg) * (e1 - seen.east_m)
+        if to_go < radius * tan(min(corner, 2.4) / 2.0):
+            self._next = (self._next + 1) % len(self.waypoints_m)
+            return self._bank(seen) if corner > 0.0 else seen.roll
+        beside = cos(leg) * (seen.east_m - e1) - sin(leg) * (seen.north_m - n1)
+        wanted = leg - atan(g.course_rad_m * beside)
+        turn = g.course_1_s * _wrapped(wanted - atan2(seen.vel_e_m_s, seen.vel_n_m_s))
+        return _clip(atan(speed * turn / G0), g.bank_limit_rad)
+
+
+def _clip(x: float, limit: float) -> float:
+    return min(max(x, -limit), limit)
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + pi) % (2.0 * pi) - pi

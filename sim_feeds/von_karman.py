@@ -1,0 +1,162 @@
+"""Von Karman turbulence: white noise through the shaping filters of MIL-F-8785C.
+
+====== ============================================================ ===========
+symbol meaning                                                      unit
+====== ============================================================ ===========
+V      airspeed                                                     m/s
+L      scale length along u, v, w                                   m
+sigma  standard deviation of u, v, w                                m/s
+b      wing span                                                    m
+====== ============================================================ ===========
+
+Source: MIL-F-8785C section 3.7 (spectra, scales, intensities, angular rates); the rational filters
+that approximate its irrational spectra are the widely used ones of the MIL-STD-1797 literature:
+
+    H_u = sigma_u sqrt(2 L / pi V) (1 + 0.25 T s) / (1 + 1.357 T s + 0.1987 T^2 s^2),  T = L / V
+    H_v = sigma_v sqrt(  L / pi V) (1 + 2.7478 T s + 0.3398 T^2 s^2)
+                                   / (1 + 2.9958 T s + 1.9754 T^2 s^2 + 0.1539 T^3 s^3)
+
+and H_w like H_v. They are driven by noise of one-sided density 1 per rad/s. In units of T a filter
+is a constant linear system, which is stepped exactly; the first state is drawn from its stationary
+distribution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_feeds.gusts import discrete_noise, linear_response, recurrence
+from sim_feeds.wind import Dryden, Route
+
+__all__ = ["LATERAL", "LONGITUDINAL", "AirRotation", "Shaping", "VonKarman", "rotation_of_the_air"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Shaping:
+    """A shaping filter gain * num(T s) / den(T s), coefficients by rising power, den[0] = 1.
+
+    ``gain`` squared is the density at zero frequency in units of sigma^2 L / V.
+    """
+
+    gain: float
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+
+    def density(self, x: Floats) -> Floats:
+        """One-sided density in units of sigma^2 L / V at x = omega L / V."""
+        s = 1j * np.asarray(x)
+        num = sum(c * s**k for k, c in enumerate(self.num))
+        den = sum(c * s**k for k, c in enumerate(self.den))
+        return np.asarray(self.gain**2 * np.abs(num / den) ** 2)
+
+    def system(self) -> tuple[Floats, Floats, Floats]:
+        """Controllable form A (m, m), B (m,), C (m,) in units of T."""
+        m = len(self.den) - 1
+        A = np.diag(np.ones(m - 1), 1)
+        A[-1] = [-c / self.den[-1] for c in self.den[:-1]]
+        B = np.zeros(m)
+        B[-1] = 1.0 / self.den[-1]
+        C = np.zeros(m)
+        C[: len(self.num)] = self.gain * np.asarray(self.num)
+        return A, B, C
+
+    def series(self, n: int, age: float, rng: np.random.Generator) -> Floats:
+        """Draw n samples of the process for sigma = 1, ``age`` = V dt / L apart.
+
+        One-sided density 1 per rad/s is a two-sided one of 1/2, hence an intensity of pi.
+        """
+        A, B, C = self.system()
+        step, kick, start = discrete_noise(A, pi * np.outer(B, B), age)
+        noise = rng.standard_normal((n, len(B)))
+        drive = noise @ kick.T
+        drive[0] = start @ noise[0]
+        return np.asarray(recurrence(step, drive) @ C)
+
+
+LONGITUDINAL: Final = Shaping((2.0 / pi) ** 0.5, (1.0, 0.25), (1.0, 1.357, 0.1987))
+LATERAL: Final = Shaping((1.0 / pi) ** 0.5, (1.0, 2.7478, 0.3398), (1.0, 2.9958, 1.9754, 0.1539))
+
+
+@dataclass(frozen=True, slots=True)
+class VonKarman:
+    """Von Karman turbulence, a component of :class:`sim_feeds.wind.Wind`.
+
+    Intensities and scales follow height and wind as in :class:`sim_feeds.wind.Dryden`, but for the
+    scale above 2000 ft, which is 2500 ft for the von Karman form.
+
+    Attributes
+    ----------
+    wind_6m_m_s
+        Mean wind 20 ft above ground [m/s].
+    high_std_m_s
+        Standard deviation above 2000 ft [m/s].
+    """
+
+    wind_6m_m_s: float = 7.7
+    high_std_m_s: float = 1.5
+
+    def scales(self, agl_m: Floats) -> tuple[Floats, Floats]:
+        """Standard deviations and scale lengths along u, v, w: (n, 3) [m/s], (n, 3) [m]."""
+        return Dryden(self.wind_6m_m_s, self.high_std_m_s, high_scale_ft=2500.0).scales(agl_m)
+
+    def along_path(self, route: Route, rng: np.random.Generator) -> Floats:
+        """Turbulence along the path through the air, to its right and down, (n, 3) [m/s].
+
+        Where speed or height vary, the process is drawn on an even grid of the distance in scale
+        lengths and read off between its points.
+        """
+        std, scale = self.scales(route.agl_m)
+        tas = np.maximum(route.tas_m_s, 5.0)
+        step = np.diff(route.t_s, append=2 * route.t_s[-1] - route.t_s[-2])
+        out = np.empty_like(std)
+        for axis, child in enumerate(rng.spawn(3)):
+            age = step * tas / scale[:, axis]
+            distance = np.concatenate([[0.0], np.cumsum(age[:-1])])
+            finest = float(age.min())
+            n = int(np.ceil(distance[-1] / finest - 1e-6)) + 1
+            shaping = LONGITUDINAL if axis == 0 else LATERAL
+            drawn = shaping.series(n, finest, child)
+            out[:, axis] = std[:, axis] * np.interp(distance, finest * np.arange(n), drawn)
+        return out
+
+    def velocity(self, route: Route, rng: np.random.Generator) -> Floats:
+        """(n, 3) float64 [m/s, NED]."""
+        along, across, down = self.along_path(route, rng).T
+        c, s = np.cos(route.heading_rad), np.sin(route.heading_rad)
+        return np.stack([c * along - s * across, s * along + c * across, down], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class AirRotation:
+    """Rotation of the air around the aircraft, (n,) each [rad/s]; p is 0 where left out."""
+
+    p: Floats
+    q: Floats
+    r: Floats
+
+
+def rotation_of_the_air(
+    across_m_s: Floats, down_m_s: Floats, *, tas_m_s: float, span_m: float, dt_s: float
+) -> AirRotation:
+    """Pitch and yaw rate of the air from the gradients of the gusts along the path.
+
+    Air that turns like a rigid body at rates q and r has w = -q x and v = r x. Flying through a
+    frozen field turns d/dx into (1 / V) d/dt; the aircraft's size smooths it:
+
+        q = -(s / V) / (1 + (4 b / pi V) s) w        r = (s / V) / (1 + (3 b / pi V) s) v
+
+    Source: MIL-F-8785C section 3.7.5, whose q_g and r_g are what the aircraft feels: -q and -r.
+    """
+    slope = []
+    for gust, length in ((down_m_s, 4.0 * span_m / pi), (across_m_s, 3.0 * span_m / pi)):
+        rate = np.array([[tas_m_s / length]])
+        smooth, _ = linear_response(-rate, rate, gust[:, None], dt_s, gust[:1])
+        slope.append((gust - smooth[:, 0]) / length)
+    return AirRotation(np.zeros_like(down_m_s), -slope[0], slope[1])
