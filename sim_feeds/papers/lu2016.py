@@ -21,7 +21,14 @@ from sim_feeds.papers.streams import FAULT_STREAM, NOISE_STREAM
 from sim_feeds.trajectory import fly
 from sim_feeds.wind import Dryden, Ramp, Wind
 
-__all__ = ["Air", "ImuExperiment", "imu_faults", "lu2016_experiment", "lu2016_wind"]
+__all__ = [
+    "Air",
+    "ImuExperiment",
+    "imu_faults",
+    "lu2016_experiment",
+    "lu2016_plan",
+    "lu2016_wind",
+]
 
 Floats = NDArray[np.float64]
 Air = Literal["calm", "shear", "turbulence"]
@@ -92,6 +99,12 @@ def lu2016_wind(air: Air) -> Wind:
     )
 
 
+def lu2016_plan(speed_m_s: float = 100.0, heading_rad: float = radians(17.0)) -> FlightPlan:
+    """The beginning of a flight at 1000 m."""
+    transport = AIRFRAMES["transport"]
+    return FlightPlan(transport, speed_m_s=speed_m_s, height_m=1000.0, heading_rad=heading_rad)
+
+
 def imu_faults(faults: list[Fault], t_s: Floats, measured: Floats, seed: int) -> Floats:
     """What the faults add to the readings of ``imu0``, (n, 6) float64 [m/s^2, rad/s]."""
     f = np.zeros((len(t_s), 6))
@@ -107,6 +120,7 @@ def lu2016_experiment(
     seed: int = 0,
     *,
     faults: list[Fault] | None = None,
+    plan: FlightPlan | None = None,
     rate_hz: float = 100.0,
     duration_s: float = 40.0,
     speed_m_s: float = 100.0,
@@ -124,13 +138,14 @@ def lu2016_experiment(
         Of noise and turbulence.
     faults
         On ``imu0`` axes; an empty list is a healthy flight.
+    plan
+        Another flight in place of the one above; it goes on level.
     u_std, ground_std, air_std : (6,) float64
         Noise of the inputs and of the two models' measurements; Q and R are their squares.
     """
-    plan = FlightPlan(
-        AIRFRAMES["transport"], speed_m_s=speed_m_s, height_m=1000.0, heading_rad=radians(17.0)
-    )
-    plan.level(2.0).load_doublet(0.15).turn(radians(20.0), bank_rad=radians(15.0))
+    if plan is None:
+        plan = lu2016_plan(speed_m_s)
+        plan.level(2.0).load_doublet(0.15).turn(radians(20.0), bank_rad=radians(15.0))
     plan.level(max(duration_s - plan.time_s, 0.0) + 1.0)
     truth = fly(plan, lu2016_wind(air), seed=seed, rate_hz=2.0 * rate_hz).every(2)
     n = round(duration_s * rate_hz) + 1
