@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, pi, sin
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -42,7 +42,9 @@ WAYPOINTS_M: Final = (
 SPAN_M: Final = 2.8956
 STEP_S: Final = 0.005
 CONTROL_S: Final = 0.02
-SETTLE_S: Final = 20.0
+SETTLE_S: Final = 30.0
+RUN_IN_M: Final = 450.0
+"""Way to the first waypoint at the start: t = 0 is behind its turn in any wind."""
 START: Final = (0.82, 0.2)
 """Latitude and longitude of the first waypoint [rad]."""
 PITCH_AT_START: Final = 0.04
@@ -140,7 +142,7 @@ def fly_aerosonde(
         Steady wind as a share of the airspeed; the paper has 0.20 to 0.25. It also sets the
         turbulence.
     duration_s
-        Recorded; 20 s before it let the autopilot settle.
+        Recorded; 30 s before it let the autopilot settle.
     wind_toward_deg
         Direction the air moves toward; None draws it.
     turbulence
@@ -178,12 +180,11 @@ def _start(engine: Engine, wind: Floats) -> None:
     """On the last leg, before the first waypoint, at cruise through the air."""
     (n0, e0), (n1, e1) = WAYPOINTS_M[-1], WAYPOINTS_M[0]
     heading = atan2(e1 - e0, n1 - n0)
-    back = min(hypot(n1 - n0, e1 - e0), SETTLE_S * CRUISE_M_S)
     meridian, parallel = _radii(START[0])
     through_air = CRUISE_M_S * np.array([cos(heading), sin(heading), 0.0])
     engine.start(
-        lat_rad=START[0] - back * cos(heading) / meridian,
-        lon_rad=START[1] - back * sin(heading) / parallel,
+        lat_rad=START[0] - RUN_IN_M * cos(heading) / meridian,
+        lon_rad=START[1] - RUN_IN_M * sin(heading) / parallel,
         height_m=HEIGHT_M,
         euler_rad=(0.0, PITCH_AT_START, heading),
         vel_ned_m_s=through_air + wind,
@@ -255,7 +256,7 @@ def _fly(
         if k >= settle and (k - settle) % every == 0:
             rows.append([node.get_double_value() for node in recorded])
     scales = np.array([scale for *_, scale in RECORDED])
-    return np.asarray(rows, dtype=np.float64) * scales
+    return np.asarray(np.asarray(rows) * scales)
 
 
 def _eyes(engine: Engine) -> Any:

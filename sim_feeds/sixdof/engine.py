@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -57,10 +56,10 @@ def bundled_aircraft() -> Path:
 
 
 def _jsbsim() -> ModuleType:
-    if importlib.util.find_spec("jsbsim") is None:
-        raise EngineMissing(NEEDED)
-    import jsbsim
-
+    try:
+        import jsbsim
+    except ImportError:
+        raise EngineMissing(NEEDED) from None
     return jsbsim
 
 

@@ -27,7 +27,8 @@ class Gains:
         Course error asked for per metre beside the leg, for small offsets.
     course_1_s
         Rate of turn per course error.
-    bank_limit_rad, pitch_limit_rad
+    bank_limit_rad, bank_rate_rad_s, pitch_limit_rad
+        Of the commands.
     aileron_per_rad, aileron_per_rad_s, aileron_per_rad_integral
         On bank error, roll rate, integral of bank error.
     climb_1_s
@@ -45,6 +46,7 @@ class Gains:
     course_rad_m: float
     course_1_s: float
     bank_limit_rad: float
+    bank_rate_rad_s: float
     pitch_limit_rad: float
     aileron_per_rad: float
     aileron_per_rad_s: float
@@ -64,7 +66,8 @@ class Gains:
 AEROSONDE_GAINS: Final = Gains(
     course_rad_m=0.012,
     course_1_s=0.8,
-    bank_limit_rad=radians(35.0),
+    bank_limit_rad=radians(30.0),
+    bank_rate_rad_s=radians(30.0),
     pitch_limit_rad=radians(15.0),
     aileron_per_rad=1.2,
     aileron_per_rad_s=0.0,
@@ -81,6 +84,10 @@ AEROSONDE_GAINS: Final = Gains(
     rudder_per_rad_s=0.4,
 )
 CLIMB_LIMIT_M_S: Final = 3.0
+ROLL_IN_S: Final = 0.7
+"""Time that rolling into a turn costs."""
+SHARPEST: Final = 2.4
+"""Corner beyond which a turn begins no earlier [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +139,7 @@ class Pilot:
     tas_m_s: float
     dt_s: float
     _next: int = 0
+    _bank_asked: float = 0.0
     _bank_sum: float = field(default=0.0)
     _climb_sum: float = field(default=0.0)
     _pitch_sum: float = field(default=0.0)
@@ -140,8 +148,9 @@ class Pilot:
     def steer(self, seen: Seen) -> Commands:
         """Commands for the next ``dt_s``."""
         g, dt = self.gains, self.dt_s
-        bank = self._bank(seen)
-        error = bank - seen.roll
+        change = self._bank(seen) - self._bank_asked
+        self._bank_asked += _clip(change, g.bank_rate_rad_s * dt)
+        error = self._bank_asked - seen.roll
         self._bank_sum = _clip(self._bank_sum + error * dt, 0.5)
         aileron = (
             g.aileron_per_rad * error
@@ -180,20 +189,25 @@ class Pilot:
         """Bank that brings the course over ground onto the leg."""
         g = self.gains
         speed = hypot(seen.vel_n_m_s, seen.vel_e_m_s)
-        n1, e1 = self.waypoints_m[self._next]
-        n0, e0 = self.waypoints_m[self._next - 1]
-        leg = atan2(e1 - e0, n1 - n0)
-        n2, e2 = self.waypoints_m[(self._next + 1) % len(self.waypoints_m)]
-        corner = abs(_wrapped(atan2(e2 - e1, n2 - n1) - leg))
-        radius = speed**2 / (G0 * tan(0.8 * g.bank_limit_rad))
-        to_go = cos(leg) * (n1 - seen.north_m) + sin(leg) * (e1 - seen.east_m)
-        if to_go < radius * tan(min(corner, 2.4) / 2.0):
+        leg, ahead, beside, corner = self._leg(seen)
+        radius = speed**2 / (G0 * tan(g.bank_limit_rad))
+        if ahead < radius * tan(min(corner, SHARPEST) / 2.0) + speed * ROLL_IN_S:
             self._next = (self._next + 1) % len(self.waypoints_m)
-            return self._bank(seen) if corner > 0.0 else seen.roll
-        beside = cos(leg) * (seen.east_m - e1) - sin(leg) * (seen.north_m - n1)
+            leg, _, beside, _ = self._leg(seen)
         wanted = leg - atan(g.course_rad_m * beside)
         turn = g.course_1_s * _wrapped(wanted - atan2(seen.vel_e_m_s, seen.vel_n_m_s))
         return _clip(atan(speed * turn / G0), g.bank_limit_rad)
+
+    def _leg(self, seen: Seen) -> tuple[float, float, float, float]:
+        """Direction of the leg, way to its end, offset to its right, and the corner after it."""
+        n0, e0 = self.waypoints_m[self._next - 1]
+        n1, e1 = self.waypoints_m[self._next]
+        n2, e2 = self.waypoints_m[(self._next + 1) % len(self.waypoints_m)]
+        leg = atan2(e1 - e0, n1 - n0)
+        north, east = seen.north_m - n1, seen.east_m - e1
+        ahead = -cos(leg) * north - sin(leg) * east
+        beside = cos(leg) * east - sin(leg) * north
+        return leg, ahead, beside, abs(_wrapped(atan2(e2 - e1, n2 - n1) - leg))
 
 
 def _clip(x: float, limit: float) -> float:
