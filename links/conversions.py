@@ -20,6 +20,7 @@ __all__ = [
     "Wire",
     "accuracy",
     "armed",
+    "autonomous",
     "course_from_velocity",
     "euler_from_quaternion",
     "quaternion_fields",
@@ -107,3 +108,8 @@ def accuracy(name: str) -> Callable[[Payload], Floats]:
 def armed(p: Payload) -> Floats:
     """HEARTBEAT's flag MAV_MODE_FLAG_SAFETY_ARMED, 0 or 1."""
     return np.asarray((p["base_mode"] & 128) != 0, dtype=np.float64)
+
+
+def autonomous(p: Payload) -> Floats:
+    """HEARTBEAT's flags MAV_MODE_FLAG_AUTO_ENABLED or GUIDED_ENABLED, 0 or 1."""
+    return np.asarray((p["base_mode"] & 12) != 0, dtype=np.float64)

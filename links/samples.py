@@ -60,8 +60,13 @@ SPOOL = _dtype(
     ("speed_rpm", "<f8"),
 )
 SERVO = _dtype(("pwm_us", "<f8", (16,)))
+DEMAND = _dtype(("height_error_m", "<f8"), ("airspeed_error_sign", "<f8"))
 HEARTBEAT = _dtype(
-    ("vehicle_type", "<i4"), ("autopilot", "<i4"), ("armed", "?"), ("system_status", "<i4")
+    ("vehicle_type", "<i4"),
+    ("autopilot", "<i4"),
+    ("armed", "?"),
+    ("autonomous", "?"),
+    ("system_status", "<i4"),
 )
 LANDED = _dtype(("landed_state", "<i4"))
 SYS_STATUS = _dtype(("present", "<u4"), ("enabled", "<u4"), ("health", "<u4"))
@@ -79,6 +84,7 @@ QUANTITIES: dict[str, np.dtype[np.void]] = {
     "aoa": AOA,
     "spool": SPOOL,
     "servo": SERVO,
+    "demand": DEMAND,
     "heartbeat": HEARTBEAT,
     "landed": LANDED,
     "sys_status": SYS_STATUS,
@@ -90,6 +96,8 @@ QUANTITIES: dict[str, np.dtype[np.void]] = {
 
 ``nav`` is the autopilot's own position and velocity (GLOBAL_POSITION_INT): it shares the IMU's
 faults. ``gps`` velocity has a NaN down component where the receiver's message has none.
+``demand`` is what the autopilot wants of height and airspeed less what it sees; of the airspeed the
+sign alone, since ArduPlane sends cm/s in NAV_CONTROLLER_OUTPUT where MAVLink says m/s.
 ``text`` and ``named`` are what *other* components said (never an input of an estimator).
 """
 

@@ -17,6 +17,8 @@ class State(StrEnum):
     STALE = "stale"
     ABSENT = "absent"
     UNMONITORED = "unmonitored"
+    STOPPED = "stopped"
+    """Of an engine: it gives no power although it should. The sensors that say so are healthy."""
 
 
 class Kind(StrEnum):
@@ -44,6 +46,7 @@ class Reason(StrEnum):
     MANOEUVRE = "manoeuvre beyond the model"
     SENSORS_DISAGREE = "sensors disagree, none can be told wrong"
     NO_WATCH = "no watch for this sensor"
+    NO_ENGINE_MODEL = "no engine model (mavsentry learn engine)"
     MUTED = "muted by the operator"
 
 

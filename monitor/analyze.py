@@ -171,5 +171,6 @@ def summarize(info: LogInfo, pipeline: Pipeline, verdicts: list[Verdict]) -> dic
         "streams": summary.streams(pipeline, info.sources),
         "monitored": summary.monitored(verdicts, first_us, pipeline.now_us),
         "faults": summary.faults(verdicts, first_us),
+        "events": summary.events(verdicts, first_us),
         "rejected": summary.rejected(pipeline),
     }

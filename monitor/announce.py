@@ -22,6 +22,7 @@ TEXT_MAX = 50
 
 _SEVERITY = {
     State.FAULTY: 2,
+    State.STOPPED: 2,
     State.SUSPECT: 4,
     State.STALE: 4,
     State.UNMONITORED: 5,
@@ -30,9 +31,14 @@ _SEVERITY = {
 }
 """MAV_SEVERITY of a change to this state: critical, warning, notice."""
 
-_FOLDED_HEAD = {State.FAULTY: "FAULTY", State.STALE: "STALE", State.UNMONITORED: "not judged"}
+_FOLDED_HEAD = {
+    State.FAULTY: "FAULTY",
+    State.STOPPED: "STOPPED",
+    State.STALE: "STALE",
+    State.UNMONITORED: "not judged",
+}
 
-_ALARMS = frozenset({State.FAULTY, State.STALE})
+_ALARMS = frozenset({State.FAULTY, State.STOPPED, State.STALE})
 
 _SHOWN_UNIT = {"rad": (degrees(1.0), "deg"), "rad/s": (degrees(1.0), "deg/s")}
 """SI unit -> (factor, unit) of a pilot's text; other units are shown as they are."""
@@ -79,6 +85,8 @@ def wording(verdict: Verdict, t_us: int) -> str:
                 age_s = max(0, t_us - verdict.onset_t_us) // 1_000_000
                 aged = f"{text} since {age_s} s"
                 text = aged if len(aged) <= TEXT_MAX else text
+        case State.STOPPED:
+            text = f"{sensor} STOPPED: no power"
         case State.STALE:
             text = f"{sensor} STALE: its data stopped"
         case State.OK:

@@ -17,7 +17,8 @@ _EARTH = ("north", "east", "down")
 
 
 def write_estimates(estimates: Mapping[str, Rows], folder: Path) -> list[Path]:
-    """Write one Parquet file per name; vector fields become one column per axis.
+    """Write one Parquet file per name; vector fields become one column per axis,
+    or numbered ones where the vector is none of space.
 
     Raises
     ------
@@ -40,7 +41,10 @@ def _columns(rows: Rows) -> dict[str, pa.Array]:
         if values.ndim == 1:
             columns[field] = pa.array(values)
             continue
-        axes = _EARTH if "_ned" in field else _AXES
+        if values.shape[1] == len(_AXES):
+            axes: tuple[str, ...] = _EARTH if "_ned" in field else _AXES
+        else:
+            axes = tuple(str(k + 1) for k in range(values.shape[1]))
         stem = field.replace("_ned", "")
         for axis, column in zip(axes, values.T, strict=True):
             columns[_with_axis(stem, axis)] = pa.array(column)

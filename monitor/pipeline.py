@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from links.samples import Batch, Rows, quantity_of
-from links.vocabulary import Reason, Rejection, State
+from links.vocabulary import Rejection, State
 from monitor.ordering import Ordering
 from monitor.phase import PhaseTracker
 from monitor.settings import Settings
@@ -24,7 +24,6 @@ from monitor.watch import build_watches
 __all__ = ["Pipeline"]
 
 _REFERENCES = frozenset({"gps", "attitude"})
-_UNWATCHED = frozenset({"spool"})
 
 
 class Pipeline:
@@ -161,8 +160,6 @@ class Pipeline:
             ]
         if quantity in _REFERENCES:
             return [Verdict(t_us, stream, State.OK)]
-        if quantity in _UNWATCHED:
-            return [Verdict(t_us, stream, State.UNMONITORED, Reason.NO_WATCH)]
         return [
             replace(judged, t_us=t_us)
             for s, judged in self._judged.items()

@@ -20,7 +20,7 @@ from monitor.announce import Announcer
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import StepResult
 
-__all__ = ["RECONSTRUCTED_ID", "Message", "Publisher", "mask_bit", "masks"]
+__all__ = ["RECONSTRUCTED_ID", "Message", "Publisher", "mask_bit", "masks", "stopped_engines"]
 
 RECONSTRUCTED_ID = 9
 """Instance of AIRSPEED, and first instance of HIGHRES_IMU, that carries reconstructed values."""
@@ -83,6 +83,15 @@ def masks(states: Mapping[str, State], which: Iterable[State]) -> dict[str, int]
         name, bit = place
         out[name] = out.get(name, 0) | ((1 << bit) if state in chosen else 0)
     return dict(sorted(out.items()))
+
+
+def stopped_engines(states: Mapping[str, State]) -> dict[str, int]:
+    """``EVT_ENG``: bit i of ``engine<i>`` that has stopped; nothing while no engine is known."""
+    engines = {s: state for s, state in states.items() if s.startswith("engine")}
+    if not engines:
+        return {}
+    bits = (1 << int(s[6:]) for s, state in engines.items() if state is State.STOPPED)
+    return {"EVT_ENG": sum(bits)}
 
 
 class _Every:
@@ -163,7 +172,7 @@ class Publisher:
         return out
 
     def _heartbeat_message(self, silent: bool) -> Message:
-        faulty = State.FAULTY in self._states.values()
+        grave = not {State.FAULTY, State.STOPPED}.isdisjoint(self._states.values())
         return Message(
             "HEARTBEAT",
             {
@@ -171,16 +180,17 @@ class Publisher:
                 "autopilot": _MAV_AUTOPILOT_INVALID,
                 "base_mode": 0,
                 "custom_mode": 0,
-                "system_status": _EMERGENCY if silent else _CRITICAL if faulty else _ACTIVE,
+                "system_status": _EMERGENCY if silent else _CRITICAL if grave else _ACTIVE,
                 "mavlink_version": 3,
             },
         )
 
     def _fault_masks(self, now_us: int, t_us: int) -> list[Message]:
-        faults = masks(self._states, {State.FAULTY})
+        faults = {f"FLT_{k}": v for k, v in masks(self._states, {State.FAULTY}).items()}
+        faults |= stopped_engines(self._states)
         periodic = self._masks(now_us)
         out = [
-            _named(t_us, f"FLT_{name}", bits)
+            _named(t_us, name, bits)
             for name, bits in faults.items()
             if periodic or bits != self._sent_faults.get(name, 0)
         ]
@@ -203,6 +213,8 @@ class Publisher:
                 out += self._air(row)
             elif name.startswith("imu"):
                 out += self._imu(int(name[3:]), row)
+            elif name == "engine":
+                out += self._engine(row)
         return [m for m in out if self._has(m.name)]
 
     def _air(self, row: np.void) -> list[Message]:
@@ -254,6 +266,16 @@ class Publisher:
             }
             out.append(Message("WIND_COV", fields))
         return out
+
+    def _engine(self, row: np.void) -> list[Message]:
+        if not self._settings.values_named:
+            return []
+        t_us, speeds_rpm = int(row["t_us"]), row["speed_rpm"]
+        return [
+            _named(t_us, f"R_N{i + 1}", float(speed))
+            for i, speed in enumerate(speeds_rpm)
+            if isfinite(speed)
+        ]
 
     def _imu(self, instance: int, row: np.void) -> list[Message]:
         out: list[Message] = []

@@ -11,11 +11,11 @@ from links.vocabulary import State
 from monitor.pipeline import Pipeline
 from monitor.verdict import Verdict
 
-__all__ = ["SCHEMA", "faults", "monitored", "rejected", "streams"]
+__all__ = ["SCHEMA", "events", "faults", "monitored", "rejected", "streams"]
 
 SCHEMA = "mavsentry/summary/1"
 
-_JUDGED = frozenset({State.OK, State.SUSPECT, State.FAULTY})
+_JUDGED = frozenset({State.OK, State.SUSPECT, State.FAULTY, State.STOPPED})
 
 
 def faults(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
@@ -40,6 +40,35 @@ def faults(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
             out.append(standing[v.sensor])
         elif v.state is State.OK and v.sensor in standing:
             standing.pop(v.sensor)["cleared_s"] = _seconds(v.t_us, first_us)
+    return out
+
+
+def events(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
+    """What happened to the aircraft itself, no sensor being at fault: engines that stopped.
+
+    In order of detection, each from ``stopped`` to the next ``ok``; parameters as of :func:`faults`.
+    """
+    out: list[dict[str, Any]] = []
+    standing: dict[str, dict[str, Any]] = {}
+    for v in verdicts:
+        if v.state is State.STOPPED and v.sensor not in standing:
+            onset_us = v.t_us if v.onset_t_us is None else v.onset_t_us
+            standing[v.sensor] = {
+                "what": v.sensor,
+                "state": str(v.state),
+                "onset_s": _seconds(onset_us, first_us),
+                "detected_s": _seconds(v.t_us, first_us),
+                "ended_s": None,
+                "onset_t_us": onset_us,
+                "detected_t_us": v.t_us,
+                "statistic": _finite(v.statistic),
+                "threshold": _finite(v.threshold),
+                "estimator": v.estimator,
+                "evidence": v.evidence,
+            }
+            out.append(standing[v.sensor])
+        elif v.state is State.OK and v.sensor in standing:
+            standing.pop(v.sensor)["ended_s"] = _seconds(v.t_us, first_us)
     return out
 
 

@@ -16,7 +16,16 @@ import numpy as np
 from links.samples import Rows
 from links.vocabulary import Kind, Reason, State
 
-__all__ = ["AIR_ESTIMATE", "IMU_ESTIMATE", "PHASE_ROW", "StepResult", "Tap", "Verdict", "Watch"]
+__all__ = [
+    "AIR_ESTIMATE",
+    "ENGINE_ESTIMATE",
+    "IMU_ESTIMATE",
+    "PHASE_ROW",
+    "StepResult",
+    "Tap",
+    "Verdict",
+    "Watch",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +108,22 @@ IMU_ESTIMATE = np.dtype(
     ]
 )
 """Estimates named ``imu0`` ...: reconstructed faults; specific force and rates freed of them."""
+
+N_SHAFTS = 4
+ENGINE_ESTIMATE = np.dtype(
+    [
+        ("t_us", "<i8"),
+        ("speed_rpm", "<f8", (N_SHAFTS,)),
+        ("speed_std_rpm", "<f8", (N_SHAFTS,)),
+        ("throttle", "<f8"),
+        ("climb_power_m_s", "<f8"),
+    ]
+)
+"""Estimates named ``engine``: reconstructed speed of each shaft, NaN for those not modelled.
+
+Beside them the throttle (0 to 1), and what engine and drag together did to the aircraft's energy:
+the climb rate that it would have given at constant airspeed.
+"""
 
 PHASE_ROW = np.dtype([("seq", "<i8"), ("t_us", "<i8"), ("flying", "?")])
 """Rows named ``phase``: the aircraft takes off to fly (True) or is no longer flying (False)."""

@@ -29,6 +29,9 @@ class DecoderOptions:
         Message -> component ids to take it from, where not the autopilot's alone.
     ranking
         Quantity -> source keys, best first; replaces the entries of ``catalog.RANKING``.
+    spools
+        Engine-speed channel -> (part of a message, rpm per unit), see
+        :mod:`links.spool_sources`; when any is given, those of the catalogue are not used.
     named_inputs
         NAMED_VALUE_FLOAT name -> (sensor, field, factor to SI).
     airspeed_ratio
@@ -50,6 +53,7 @@ class DecoderOptions:
     named_inputs: Mapping[str, tuple[str, str, float]] = field(
         default_factory=lambda: dict(catalog.NAMED_INPUTS)
     )
+    spools: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     airspeed_ratio: float = 2.0
     source_timeout_us: int = 2_000_000
     settle_us: int = 2_000_000

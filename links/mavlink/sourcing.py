@@ -12,6 +12,7 @@ from links.catalog import Source
 from links.mavlink.dialect import Dialect
 from links.mavlink.options import DecoderOptions
 from links.samples import Rows
+from links.spool_sources import spool_source
 
 __all__ = ["AUTOPILOT_INVALID", "Entry", "source_table"]
 
@@ -83,7 +84,7 @@ def source_table(
     Raises
     ------
     ValueError
-        When a ranking names no known quantity.
+        When a ranking names no known quantity, or a channel no known part of a message.
     """
     ranking = dict(catalog.RANKING)
     ranking.update(catalog.RANKING_BY_AUTOPILOT.get(-1 if autopilot is None else autopilot, {}))
@@ -94,8 +95,10 @@ def source_table(
         catalog.named_source(name, sensor, into, scale)
         for name, (sensor, into, scale) in options.named_inputs.items()
     )
+    chosen = [spool_source(sensor, *part) for sensor, part in options.spools.items()]
+    given = [s for s in (*catalog.SOURCES, *named) if not (chosen and s.quantity == "spool")]
     table: dict[int, list[Entry]] = {}
-    for order, source in enumerate((*catalog.SOURCES, *named)):
+    for order, source in enumerate((*given, *chosen)):
         message = dialect.by_name.get(source.message)
         keys = ranking[source.quantity]
         if message is None or source.key not in keys:

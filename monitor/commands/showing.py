@@ -21,6 +21,7 @@ _STYLES = {
     State.OK: "green",
     State.SUSPECT: "yellow",
     State.FAULTY: "bold red",
+    State.STOPPED: "bold red",
     State.STALE: "magenta",
     State.ABSENT: "dim",
     State.UNMONITORED: "dim",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from links.logs import open_log
 from links.mavlink.dialect import enum_word
 from links.mavlink.options import Vehicle
-from links.samples import Batch, quantity_of
+from links.samples import Batch
 from links.vocabulary import Reason, State
 from monitor import summary
 from monitor.learn.levels import LevelMeter
@@ -194,7 +194,7 @@ def _measured(batches: Iterable[Batch], settings: Settings, name: str) -> tuple[
         verdicts += pipeline.feed(batch).verdicts
     verdicts += pipeline.finish().verdicts
     start_us = pipeline.now_us if first_us is None else first_us
-    watched = [v for v in verdicts if quantity_of(v.sensor.partition(".")[0]) in WATCHED]
+    watched = [v for v in verdicts if v.sensor.partition(".")[0].rstrip("0123456789") in WATCHED]
     monitored = summary.monitored(watched, start_us, pipeline.now_us)
     flight = Flight(
         name=name,

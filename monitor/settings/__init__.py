@@ -17,6 +17,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from monitor.settings.air import AirSettings
 from monitor.settings.base import Section
+from monitor.settings.engine import EngineSettings
 from monitor.settings.imu import ImuSettings
 from monitor.settings.learnt import LearntSettings
 from monitor.settings.links import LinkSettings
@@ -49,6 +50,7 @@ class Settings(Section):
     air: AirSettings = Field(default_factory=AirSettings)
     triplex: TriplexSettings = Field(default_factory=TriplexSettings)
     vane: VaneSettings = Field(default_factory=VaneSettings)
+    engine: EngineSettings = Field(default_factory=EngineSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)

@@ -6,13 +6,15 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from links.catalog import RANKING, SOURCES
+from links.catalog import MAX_INSTANCES, RANKING, SOURCES
 from links.mavlink import DecoderOptions
+from links.spool_sources import spool_source
 from monitor.settings.base import Section
 
-__all__ = ["LinkSettings", "SourceSettings"]
+__all__ = ["LinkSettings", "SourceSettings", "SpoolSource"]
 
 _NAMED = "NAMED_VALUE_FLOAT"
+_SPOOLS = tuple(f"spool{i}" for i in range(MAX_INSTANCES["spool"]))
 _KNOWN = {q: {s.key for s in SOURCES if s.quantity == q} | {_NAMED} for q in RANKING}
 
 
@@ -50,6 +52,20 @@ class SourceSettings(Section):
         return self
 
 
+class SpoolSource(Section):
+    """Which part of which message is one engine-speed channel."""
+
+    source: str = Field(
+        description="RPM.rpm1, RPM.rpm2, RAW_RPM.0 ... RAW_RPM.15, EFI_STATUS.rpm, "
+        "ESC_TELEMETRY.1 ... ESC_TELEMETRY.16, or NAMED_VALUE_FLOAT.NAME.",
+    )
+    rpm_per_unit: float = Field(
+        1.0,
+        gt=0,
+        description="What one unit of it is [rpm]: of percent, a hundredth of full scale.",
+    )
+
+
 class LinkSettings(Section):
     """The vehicle, our own place in its network, and how the loop reads."""
 
@@ -79,6 +95,12 @@ class LinkSettings(Section):
         "the autopilot alone.",
     )
     sources: SourceSettings = SourceSettings()
+    spools: dict[str, SpoolSource] = Field(
+        default_factory=dict,
+        description="Engine-speed channel (spool0 ...) -> where it comes from. Empty: RPM, "
+        "RAW_RPM, EFI_STATUS, ESC_TELEMETRY or NAMED_VALUE_FLOAT, the first that speaks; of several that "
+        "measure one shaft each can be a channel of its own only by its name here.",
+    )
     source_timeout_s: float = Field(
         2.0,
         gt=0,
@@ -107,6 +129,14 @@ class LinkSettings(Section):
         "up against more latency.",
     )
 
+    @model_validator(mode="after")
+    def _spools(self) -> Self:
+        for sensor, spool in self.spools.items():
+            if sensor not in _SPOOLS:
+                raise ValueError(f"{sensor} is no engine-speed channel; they are spool0 to spool15")
+            spool_source(sensor, spool.source)
+        return self
+
     def decoder_options(self) -> DecoderOptions:
         """The part that the decoder takes."""
         sources = self.sources.model_dump()
@@ -117,6 +147,7 @@ class LinkSettings(Section):
             own_component=self.component_id,
             components={name: frozenset(ids) for name, ids in self.components.items()},
             ranking={q: k for q, k in sources.items() if k and k != RANKING[q]},
+            spools={s: (p.source, p.rpm_per_unit) for s, p in self.spools.items()},
             airspeed_ratio=self.airspeed_ratio,
             source_timeout_us=round(self.source_timeout_s * 1e6),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from monitor.settings import Settings
 from monitor.verdict import Watch
 from monitor.watch.air import AirWatch
+from monitor.watch.engine import EngineWatch
 from monitor.watch.imu import ImuWatch
 
 __all__ = ["build_watches"]
@@ -12,4 +13,8 @@ __all__ = ["build_watches"]
 
 def build_watches(settings: Settings) -> list[Watch]:
     """The watches that the settings ask for, in the order in which they see the rows."""
-    return [ImuWatch(settings.imu), AirWatch(settings.air, settings.triplex, settings.vane)]
+    return [
+        ImuWatch(settings.imu),
+        AirWatch(settings.air, settings.triplex, settings.vane),
+        EngineWatch(settings.engine),
+    ]

@@ -1,0 +1,132 @@
+"""Engine watch: engine speeds, throttle and flight in; verdicts on channels and engines out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import engine_judge as ej
+from estimators import engine_ticks as et
+from links.samples import Rows
+from monitor.settings.engine import EngineSettings
+from monitor.verdict import ENGINE_ESTIMATE, StepResult
+from monitor.watch.engine_parts import (
+    Unit,
+    events_of,
+    groups,
+    judge_rules,
+    tick_rules,
+    units,
+)
+from monitor.watch.engine_words import verdict
+
+__all__ = ["EngineWatch"]
+
+Array = NDArray[np.float64]
+
+
+class EngineWatch:
+    """Judges engine-speed channels, and says when an engine has stopped.
+
+    Three passes over the steps of a grid of time: rows to steps, the filters of the shafts over the
+    steps, the judgement. None needs what a later one says, so each runs over many steps at once.
+    """
+
+    name = "engine"
+    quantities = frozenset(
+        {"spool", "servo", "airspeed", "gps", "baro", "nav", "demand", "heartbeat", "param"}
+    )
+
+    def __init__(self, settings: EngineSettings) -> None:
+        self._ticks = et.new_ticks(settings.throttle_idle_us, settings.throttle_full_us)
+        self._tick_rules = tick_rules(settings)
+        self._judge_rules = judge_rules(settings)
+        self._groups = groups(settings)
+        self._units = units(settings)
+        self._judged = ej.new_judged()
+        self._every = max(round(settings.emit_s / settings.tick_s), 1)
+        self._epoch_us: int | None = None
+        self._last_s = 0.0
+        self._closed = 0
+
+    def peaks(self) -> dict[str, float]:
+        """No key of it is learnt from peaks: its model is (``learn engine``)."""
+        return {}
+
+    def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
+        """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""
+        events, pwm = events_of(rows)
+        if not len(events):
+            return StepResult()
+        if self._epoch_us is None:
+            self._epoch_us = int(events["t_us"][0])
+        t = (events["t_us"] - self._epoch_us) * 1e-6
+        steps = et.ticks_bound(t, self._last_s, self._tick_rules.tick_s)
+        self._last_s = float(t[-1])
+        table, y = np.empty((steps, et.N_TABLE)), np.empty((steps, et.N_CHANNELS))
+        closed = et.gather(
+            self._ticks,
+            self._tick_rules,
+            t,
+            np.ascontiguousarray(events["code"]),
+            np.ascontiguousarray(events["index"]),
+            np.ascontiguousarray(events["value"]),
+            pwm,
+            table,
+            y,
+        )
+        return self._judge(table[:closed], y[:closed]) if closed else StepResult()
+
+    def _judge(self, table: Array, y: Array) -> StepResult:
+        """The filters and the judgement over closed steps."""
+        steps, epoch_us = len(table), self._epoch_us or 0
+        w, mu, sd = np.full((3, steps, et.N_CHANNELS), np.nan)
+        speed, std = np.full((2, steps, et.N_SHAFTS), np.nan)
+        for unit in self._units:
+            self._estimate(unit, table, y, (w, mu, sd), (speed, std))
+        halted = np.empty((steps, et.N_SHAFTS))
+        log = np.empty((6 * steps + 64, ej.N_LOG))
+        said = ej.judge(
+            self._judged, self._judge_rules, self._groups, table, y, w, mu, sd, halted, log
+        )
+        result = StepResult([verdict(row, epoch_us) for row in log[:said]])
+        first = -self._closed % self._every
+        self._closed += steps
+        chosen = slice(first, None, self._every)
+        if self._units and len(table[chosen]):
+            # of an engine that stands or windmills its channels are believed, not its model
+            speed = np.where(np.isfinite(halted), halted, speed)
+            result.estimates["engine"] = self._rows(
+                table[chosen], speed[chosen], std[chosen], epoch_us
+            )
+        return result
+
+    def _estimate(
+        self,
+        unit: Unit,
+        table: Array,
+        y: Array,
+        channels: tuple[Array, Array, Array],
+        shafts: tuple[Array, Array],
+    ) -> None:
+        """One filter: what its channels should read, and the speeds of its shafts."""
+        w, mu, sd = channels
+        own, model = unit.channels, unit.model
+        heard = np.maximum(y[:, own], 0.0)  # -1 is an RPM message's word for no pulses
+        track = unit.filter.run(unit.inputs(table), heard)
+        w[:, own] = track.works
+        C = model.linear.C
+        mu[:, own] = track.x @ C.T
+        sd[:, own] = np.sqrt(np.einsum("ia,kab,ib->ki", C, track.P, C) + model.linear.r)
+        shafts[0][:, unit.shafts] = np.maximum(track.x @ model.G.T, 0.0)
+        shafts[1][:, unit.shafts] = np.sqrt(np.einsum("ia,kab,ib->ki", model.G, track.P, model.G))
+
+    def _rows(self, table: Array, speed: Array, std: Array, epoch_us: int) -> Rows:
+        out = np.zeros(len(table), ENGINE_ESTIMATE)
+        out["t_us"] = epoch_us + np.rint(table[:, et.X_T] * 1e6).astype(np.int64)
+        out["speed_rpm"], out["speed_std_rpm"] = speed, std
+        out["throttle"] = table[:, et.X_THROTTLE]
+        out["climb_power_m_s"] = 0.5 * (table[:, et.X_P] + table[:, et.X_PG])
+        return out
