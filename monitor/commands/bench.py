@@ -33,6 +33,7 @@ LIVE_IMU_HZ = 200.0
 NAMES = {
     "air": ("mhe_step_n3", "mhe_stage_n100_over_n10", "mhe_converged_n10"),
     "imu": ("atsekf_step",),
+    "engine": ("imkf_step",),
     "links": ("decode_tlog", "decode_live", "udp_roundtrip"),
     "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms"),
 }
@@ -104,6 +105,10 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import air
 
         cases += air.cases()
+    if set(wanted) & set(NAMES["engine"]):
+        from monitor.commands.bench_cases import engine
+
+        cases += engine.cases()
     log = log or _synthetic(folder)
     if not log.is_file():
         raise Refused(f"cannot read {log}")
