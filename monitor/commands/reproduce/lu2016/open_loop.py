@@ -159,8 +159,8 @@ def blocks(results: Results, scope: Scope) -> list[Table | Figure]:
         Figure(
             "lu2016-fig7",
             "Fig. 7: the three flights. The paper's are recordings of a Cessna Citation II, ours"
-            " are flown at 130 m/s and recorded with biases, slow attitude errors and a vane that"
-            " reads 3 % and 0.1 degrees wrong.",
+            " are flown at a steady 130 m/s and recorded with biases, slow attitude errors and a"
+            " vane that reads 3 % and 0.1 degrees wrong.",
             partial(_draw_flights, drawn=drawn),
             (8.0, 5.0),
         ),
@@ -215,6 +215,7 @@ def _draw_flights(canvas: Canvas, drawn: dict[str, dict[str, Any]]) -> None:
         for row, label in enumerate(names):
             ax = grid[row, column]
             ax.plot(lines["t_s"], lines["flown"][:, row], linewidth=0.9)
+            ax.ticklabel_format(useOffset=False)
             if row == 0:
                 ax.set_title(name)
             if column == 0:

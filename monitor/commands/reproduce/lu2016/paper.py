@@ -38,7 +38,8 @@ def jobs(scope: Scope) -> list[Job]:
 def work(job: Job) -> Result:
     """Done by the study that the job's name begins with."""
     study, _ = STUDIES[job.name.partition("/")[0]]
-    return study.work(job)
+    done: Result = study.work(job)
+    return done
 
 
 def chapter(results: Results, scope: Scope) -> Chapter:
