@@ -50,7 +50,7 @@ from estimators.monotone_qp import (
     work_size,
 )
 
-__all__ = ["CONTINUED", "PRINTED", "MapTuning", "MonotoneMap", "Run", "solve_window"]
+__all__ = ["CONTINUED", "PRINTED", "MapTuning", "MonotoneMap", "Run", "normal_rows", "solve_window"]
 
 Array = NDArray[np.float64]
 
@@ -94,6 +94,15 @@ def normal_row(y: Array, S: Array, W: Array, H: Array, q: Array) -> bool:
         for i in range(j):
             H[j, i] = H[i, j]
     return True
+
+
+@kernel
+def normal_rows(y: Array, S: Array, W: Array, H: Array, q: Array) -> int:
+    """:func:`normal_row` for many rows; returns how many were finite."""
+    sound = 0
+    for k in range(len(y)):
+        sound += normal_row(y[k], S[k], W, H[k], q[k])
+    return sound
 
 
 @kernel
