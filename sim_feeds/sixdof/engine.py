@@ -1,11 +1,13 @@
 """One aircraft in JSBSim, in SI units, with the engine's traps closed.
 
-- JSBSim remembers the initial velocity in its own frame: a latitude or heading set after it changes
-  it. :meth:`Engine.start` sets the velocity last.
+- An initial velocity is kept as it was given: a latitude set after an airspeed changes the
+  velocity, so does a heading set after a ground speed. :meth:`Engine.start` sets the velocity last.
 - Its attitude integrator is Euler's, half a step late. Here attitude and rates use the schemes of
   second order, see ``INTEGRATORS``.
 - ``p, q, r`` are rates against the earth's surface frame; gyros measure ``pi, qi, ri``.
 - ``a-pilot`` is of the step before; specific force here is total force over mass.
+- ``aero/qbar-area`` is not initialised, and functions outside an axis read the value of the step
+  before: the same flight twice differs in its last digits. :meth:`Engine.start` clears it.
 - Wind is the velocity the air moves toward.
 - JSBSim prints to standard output; here it is silent.
 """
@@ -148,6 +150,7 @@ class Engine:
                 "ic/psi-true-rad": yaw,
             }
         )
+        self.fdm["aero/qbar-area"] = 0.0
         for axis, speed in zip("ned", vel_ned_m_s, strict=True):
             self.fdm[f"ic/v{axis}-fps"] = speed / FOOT_M
         self.fdm.run_ic()
