@@ -189,7 +189,7 @@ def fly_closed(
     """
     n = round(task.duration_s * task.rate_hz)
     dt = 1.0 / task.rate_hz
-    t = np.arange(n + 1) * dt
+    t: Floats = np.arange(n + 1, dtype=np.float64) * dt
     f = _added(faults, t, seed)
     rng = np.random.default_rng([seed, NOISE_STREAM])
     u_noise, ground_noise, air_noise = (
@@ -197,7 +197,7 @@ def fly_closed(
         for std in (LU2016_U_STD, LU2016_GROUND_STD, LU2016_AIR_STD)
     )
     winds = _winds(task, n, seed)
-    wind_rows = [(a, b, c) for a, b, c in winds.tolist()]
+    wind_rows: list[tuple[float, float, float]] = [(a, b, c) for a, b, c in winds.tolist()]
     vehicle = Vehicle.trimmed(
         task.airframe, task.speed_m_s, task.height_m, task.heading_rad, wind_rows[0], task.lat_rad
     )
@@ -222,7 +222,9 @@ def fly_closed(
         )
         command = pilot.steer(moment.t_s, reconstruct(moment), dt)
         if k < n:
-            vehicle.step(command, (*wind_rows[2 * k : 2 * k + 3],), dt)
+            vehicle.step(
+                command, (wind_rows[2 * k], wind_rows[2 * k + 1], wind_rows[2 * k + 2]), dt
+            )
     angles = truth[:, 3:6]
     return ClosedFlight(
         t_s=t,
@@ -242,7 +244,7 @@ def fly_closed(
 
 def _winds(task: Task, n: int, seed: int) -> Floats:
     """Wind along the straight path, at every sample and half way between: (2 n + 1, 3)."""
-    half = np.arange(2 * n + 1) * (0.5 / task.rate_hz)
+    half: Floats = np.arange(2 * n + 1, dtype=np.float64) * (0.5 / task.rate_hz)
     one = np.ones_like(half)
     route = Route(half, task.height_m * one, task.speed_m_s * one, task.heading_rad * one)
     return task.wind.velocity(route, np.random.default_rng([seed, SEED_OF_WIND]))

@@ -75,12 +75,11 @@ class RecordedSection(Strict):
     before_s: float = Field(gt=0.0)
     after_s: float = Field(gt=0.0)
     step_s: float = Field(gt=0.0)
-    quick_step_s: float = Field(gt=0.0)
     gps_hz: float = Field(gt=0.0)
     flight: tuple[RecordedFlight, ...]
 
     def onsets_s(self, flight: RecordedFlight, duration_s: float, *, quick: bool) -> list[float]:
-        """Where faults begin: once every step as long as they end in the healthy part.
+        """Where faults begin: that of the figures, and once every step in the healthy part.
 
         Parameters
         ----------
@@ -89,12 +88,12 @@ class RecordedSection(Strict):
         duration_s
             Of its recording.
         quick
-            With the wider step.
+            That of the figures only.
         """
         last = min(duration_s, flight.healthy_until_s or duration_s) - self.after_s - self.fault_s
-        step = self.quick_step_s if quick else self.step_s
-        count = int((last - self.before_s) // step) + 1
-        return [self.before_s + k * step for k in range(max(count, 0))]
+        count = 0 if quick else int((last - self.before_s) // self.step_s) + 1
+        even = [self.before_s + k * self.step_s for k in range(max(count, 0))]
+        return sorted({flight.shown_s, *even})
 
 
 class Validation(Strict):
