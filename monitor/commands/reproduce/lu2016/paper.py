@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from monitor.commands.reproduce.lu2016 import closed_loop, fault_walk, open_loop, rates, simulated
+from monitor.commands.reproduce.lu2016 import (
+    closed_loop,
+    fault_walk,
+    open_loop,
+    rates,
+    recorded,
+    simulated,
+)
 from monitor.commands.reproduce.study import (
     Chapter,
     Claim,
@@ -25,6 +32,7 @@ STUDIES: Final = {
     "fault_walk": (fault_walk, "The choice of Q^f and the printed equations (section 3.1)"),
     "closed_loop": (closed_loop, "Closed against open loop (sections 3.2, 3.3)"),
     "open_loop": (open_loop, "Three flights with faults written in (sections 4, 5)"),
+    "recorded": (recorded, "Faults written into recorded flights (section 5)"),
     "rates": (rates, "Satellite receivers of several rates (section 5.4)"),
 }
 """Module and heading of each, by the first part of its jobs' names."""
