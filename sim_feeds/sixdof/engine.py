@@ -14,7 +14,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from types import ModuleType
@@ -26,11 +27,23 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import jsbsim
 
-__all__ = ["FOOT_M", "AircraftMissing", "Engine", "EngineMissing", "bundled_aircraft"]
+__all__ = [
+    "FOOT_M",
+    "POUND_N",
+    "SLUG_KG",
+    "AircraftMissing",
+    "Engine",
+    "EngineMissing",
+    "Gauge",
+    "Gauges",
+    "bundled_aircraft",
+]
 
 Floats = NDArray[np.float64]
 
 FOOT_M: Final = 0.3048
+POUND_N: Final = 4.4482216152605
+SLUG_KG: Final = POUND_N / FOOT_M
 NEEDED: Final = (
     "the six-degree-of-freedom vehicle needs JSBSim: pip install 'mavsentry[sim]' "
     "(the kinematic vehicle flies without it)"
@@ -102,17 +115,27 @@ class Engine:
         for name, scheme in INTEGRATORS.items():
             fdm[name] = scheme
         self.fdm = fdm
+        self.aircraft = aircraft
         self.dt_s = dt_s
         self._properties = fdm.get_property_manager()
 
     def node(self, name: str) -> Any:
-        """The property node of a name, for quick access; created when new."""
-        return self._properties.get_node(name, True)
+        """The property of a name, for quick access.
+
+        Raises
+        ------
+        KeyError
+            This aircraft has no such property; JSBSim alone would make one that nothing reads.
+        """
+        node = self._properties.get_node(name)
+        if node is None:
+            raise KeyError(f"{self.aircraft} has no property {name}")
+        return node
 
     def set(self, values: Mapping[str, float]) -> None:
         """Set properties by name."""
         for name, value in values.items():
-            self.fdm[name] = value
+            self.node(name).set_double_value(value)
 
     def start(
         self,
@@ -160,3 +183,32 @@ class Engine:
     def step(self) -> None:
         """Advance by one step."""
         self.fdm.run()
+
+
+@dataclass(frozen=True, slots=True)
+class Gauge:
+    """A property in our units: (its value - ``zero``) * ``scale``."""
+
+    name: str
+    property: str
+    scale: float = 1.0
+    zero: float = 0.0
+
+
+class Gauges:
+    """Properties of one engine that are read together.
+
+    Parameters
+    ----------
+    engine
+    gauges
+        What to read, in order.
+    """
+
+    def __init__(self, engine: Engine, gauges: Sequence[Gauge]) -> None:
+        self.names = [g.name for g in gauges]
+        self._nodes = [(engine.node(g.property), g.scale, g.zero) for g in gauges]
+
+    def read(self) -> list[float]:
+        """Values now."""
+        return [(node.get_double_value() - zero) * scale for node, scale, zero in self._nodes]

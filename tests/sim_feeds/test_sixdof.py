@@ -97,7 +97,7 @@ def by_hand(f: SixDofFlight) -> tuple[np.ndarray, np.ndarray]:
 def test_the_aircraft_is_the_tables(windy):
     """Forces and moments of the note's table, faults included, against what JSBSim flew."""
     force, acceleration = by_hand(windy)
-    np.testing.assert_allclose(windy.specific_force_m_s2, force, atol=2e-3)
+    np.testing.assert_allclose(windy.specific_force_m_s2, force, atol=1e-4)
     flown = np.gradient(windy.rate_rad_s, STEP_S, axis=0)
     # A central difference of 10 ms against gusts that act within it: compare 0.1 s means.
     miss = (flown - acceleration)[1:-1]
