@@ -10,6 +10,7 @@ from estimators.baselines.sliding_mode import REACH, SlidingModeObserver, Slidin
 from estimators.kinematics import AS, GS
 from sim_feeds.faults import Fault, FaultKind
 from sim_feeds.papers.lu2016 import ImuExperiment, lu2016_experiment
+from sim_feeds.papers.lu2016_runs import runs
 
 SILENT = np.zeros(6)
 TABLE_1_VELOCITY = 0.01
@@ -99,6 +100,19 @@ def test_an_overshooting_injection_chatters_about_the_fault(silent: ImuExperimen
     jumps = np.diff(track["f"][after, 0])
     assert np.all(jumps[1:] * jumps[:-1] < 0.0)
     assert abs(track["f_low"][2500, 0] - 3.0) < 0.02
+
+
+def test_the_lowpass_is_the_best_of_its_neighbours_on_the_tuning_draws() -> None:
+    def error(lowpass_s: float) -> float:
+        logs = []
+        for seed in runs().simulated.tuning_seeds:
+            flight = lu2016_experiment("calm", seed)
+            f = followed(flight, lowpass_s=lowpass_s)["f_low"]
+            logs.append(np.log(np.mean((f - flight.f[1:]) ** 2, axis=0)).mean())
+        return float(np.median(logs))
+
+    chosen = SlidingModeSettings().lowpass_s
+    assert error(chosen) < min(error(0.05), error(0.13))
 
 
 def test_a_fault_beyond_its_reach_cannot_be_reconstructed() -> None:

@@ -95,7 +95,7 @@ def test_slower_receivers_are_worse_and_latency_is_a_fault(results: Results) -> 
 
 
 def test_at_equal_noise_the_filter_beats_the_observer(results: Results) -> None:
-    quiet, rmse, tau, low = fault_walk._as_quiet(of(results, "fault_walk"))
+    quiet, rmse, tau, low = fault_walk.at_equal_noise(of(results, "fault_walk"))
     assert quiet < 0.02
     assert rmse < 0.5 * low
     assert 0.1 < tau < 0.64

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from sim_feeds.papers.lu2016 import ImuExperiment
 
-__all__ = ["blocks", "claims", "jobs", "work"]
+__all__ = ["at_equal_noise", "blocks", "claims", "jobs", "work"]
 
 Floats = NDArray[np.float64]
 
@@ -182,7 +182,7 @@ def _bargain(results: Results, family: str) -> tuple[Floats, Floats, Floats]:
     return number, quiet, rmse
 
 
-def _as_quiet(results: Results) -> tuple[float, float, float, float]:
+def at_equal_noise(results: Results) -> tuple[float, float, float, float]:
     """ATSEKF's quiet deviation and RMSE; time constant and RMSE of an observer as quiet."""
     quiet, rmse = (
         float(np.sqrt(np.mean(_of(results, "form/as printed", score)[:3] ** 2)))
@@ -232,7 +232,7 @@ def claims(results: Results, scope: Scope) -> list[Claim]:
     """What section 3.1 says of Q^f, and the observer at equal noise."""
     _, _, walks = _bargain(results, "iotsekf")
     _, _, adapted = _bargain(results, "atsekf")
-    quiet, rmse, tau, low = _as_quiet(results)
+    quiet, rmse, tau, low = at_equal_noise(results)
     _, _, tuned = _bargain(results, "detuning")
     spread = float(adapted.max() / adapted.min() - 1.0)
     return [

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from monitor.commands.reproduce.lu2016 import (
     closed_loop,
     fault_walk,
@@ -26,6 +29,8 @@ from monitor.commands.reproduce.study import (
 )
 
 __all__ = ["PAPER"]
+
+Floats = NDArray[np.float64]
 
 STUDIES: Final = {
     "simulated": (simulated, "Simulated disturbances (sections 3.4, 3.5)"),
@@ -55,7 +60,7 @@ def chapter(results: Results, scope: Scope) -> Chapter:
     blocks: list[Table | Figure | Text] = []
     claims: list[Claim] = []
     for key, (study, heading) in STUDIES.items():
-        own = {name: r for name, r in results.items() if name.startswith(f"{key}/")}
+        own = _of(results, key)
         blocks += [Text(heading), *study.blocks(own, scope)]
         claims += study.claims(own, scope)
     return Chapter(
@@ -70,27 +75,38 @@ def chapter(results: Results, scope: Scope) -> Chapter:
 
 
 def _summary(results: Results, claims: list[Claim]) -> str:
-    held = sum(c.outcome == "holds" for c in claims)
-    part = [c.statement for c in claims if c.outcome == "holds in part"]
-    fails = [c.statement for c in claims if c.outcome == "does not hold"]
-    ours, wind = (
+    held, part, fails = (
+        sum(c.outcome == word for c in claims)
+        for word in ("holds", "holds in part", "does not hold")
+    )
+    ground, air = (
         simulated.median(results, "turbulence", model, "atsekf", "rmse")[:3]
         for model in ("GS", "AS")
     )
+    quiet, error, _, observer = fault_walk.at_equal_noise(_of(results, "fault_walk"))
+    rate = {hz: rates.mean_error(_of(results, "rates"), hz) for hz in (100, 1)}
     return (
         "Rebuilt: the adaptive two-stage filter (ATSEKF), its form without adaption (IOTSEKF) and"
         " a sliding-mode observer, each on the ground-speed and the airspeed model, with the six"
         " simultaneous faults of Table 2, on synthetic flights of our own: the paper's simulator"
-        " and recordings are not public, and its results are figures."
+        " and recordings are not public, and it shows its results as lines without numbers."
+        f" Of {len(claims)} statements {held} hold, {part} hold in part, {fails} do not."
         f" In turbulence the ground-speed model reconstructs the accelerometer faults to"
-        f" {_range(ours)} m/s² RMS, the airspeed model to {_range(wind)}."
-        f" Of {len(claims)} statements {held} hold, {len(part)} hold in part, {len(fails)} do not."
+        f" {_range(ground)} m/s² RMS, the airspeed model to {_range(air)}. At equal noise"
+        f" ({quiet:.3f} m/s² when nothing is broken) the ATSEKF errs by {error:.2f} m/s² over the"
+        f" faults, the observer by {observer:.2f}. The ground speed of 1 Hz that the paper"
+        " interpolates is the weak point: used as it comes, as in flight, it takes the"
+        f" accelerometer errors from {rate[100]:.2f} to {rate[1]:.2f} m/s²."
     )
 
 
-def _range(values: object) -> str:
-    v = [float(x) for x in values]  # type: ignore[attr-defined]
-    return f"{min(v):.2f}-{max(v):.2f}"
+def _of(results: Results, key: str) -> Results:
+    """Results of one study."""
+    return {name: r for name, r in results.items() if name.startswith(f"{key}/")}
+
+
+def _range(values: Floats) -> str:
+    return f"{values.min():.2f} to {values.max():.2f}"
 
 
 PAPER: Final = Paper("lu2016", jobs, work, chapter)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from sim_feeds.papers.lu2016 import ImuExperiment
 
-__all__ = ["WAYS", "blocks", "by_rate", "claims", "jobs", "work"]
+__all__ = ["WAYS", "blocks", "by_rate", "claims", "jobs", "mean_error", "work"]
 
 Floats = NDArray[np.float64]
 
@@ -220,18 +220,18 @@ def _late_table(results: Results) -> Table:
     return Table("lu2016-latency", caption, columns, rows)
 
 
+def mean_error(results: Results, hz: int, way: str = "used") -> float:
+    """RMSE of the accelerometers' faults, mean of three axes, median of the winds [m/s^2]."""
+    winds = dict.fromkeys(wind for wind, _ in _cases(results))
+    return float(np.median([_of(results, w, hz, way, "rmse")[:3].mean() for w in winds]))
+
+
 def claims(results: Results, scope: Scope) -> list[Claim]:
     """Section 5.4: ground speed with a high update rate."""
     rates = sorted({hz for _, hz in _cases(results)}, reverse=True)
     winds = list(dict.fromkeys(wind for wind, _ in _cases(results)))
     ways = ("used", "interpolated")
-    error = {
-        way: [
-            float(np.median([_of(results, w, hz, way, "rmse")[:3].mean() for w in winds]))
-            for hz in rates
-        ]
-        for way in ways
-    }
+    error = {way: [mean_error(results, hz, way) for hz in rates] for way in ways}
     gyro = [
         float(np.median([_of(results, w, hz, "used", "rmse")[3:].max() for w in winds]))
         for hz in rates
