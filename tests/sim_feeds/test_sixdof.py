@@ -7,6 +7,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from links.airframes import load_airframe
 from sim_feeds.sixdof import (
     FAULT_COLUMNS,
     AircraftMissing,
@@ -292,9 +293,36 @@ def test_an_aircraft_nobody_has():
 
 
 def test_the_aircraft_file_is_package_data():
-    """Files below a package are in the wheel; git must know the file, too."""
+    """Files below a package are in the wheel; the file must be found there without a checkout."""
     xml = files("sim_feeds.sixdof") / "aircraft" / "aerosonde" / "aerosonde.xml"
     assert "fault/right-lift-percent" in xml.read_text(encoding="utf-8")
+
+
+def test_the_aircraft_file_and_the_airframe_table_agree():
+    """Two files on purpose, two models: JSBSim's aircraft and the table that estimators read."""
+    numbers = load_airframe("aerosonde")
+    fdm = Engine("aerosonde", dt_s=STEP_S).fdm
+    fdm.run_ic()  # inertias are known from here on
+    feet, kg_m2 = 0.3048, 1.3558179
+    own = {
+        "mass_kg": fdm["inertia/mass-slugs"] * 14.593903,
+        "Jx_kg_m2": fdm["inertia/ixx-slugs_ft2"] * kg_m2,
+        "Jy_kg_m2": fdm["inertia/iyy-slugs_ft2"] * kg_m2,
+        "Jz_kg_m2": fdm["inertia/izz-slugs_ft2"] * kg_m2,
+        "Jxz_kg_m2": fdm["inertia/ixz-slugs_ft2"] * kg_m2,
+        "area_m2": fdm["metrics/Sw-sqft"] * feet**2,
+        "span_m": fdm["metrics/bw-ft"] * feet,
+        "chord_m": fdm["metrics/cbarw-ft"] * feet,
+        "stall_M": fdm["aero/coefficient/stall-M"],
+        "stall_alpha_rad": fdm["aero/coefficient/stall-alpha0"],
+        "diameter_m": fdm["propeller/diameter-m"],
+    }
+    for key in numbers.keys() - own.keys():
+        where = "propeller" if key.startswith(("CT", "CQ")) else "aero/coefficient"
+        assert fdm[f"{where}/{key}"] != 0.0, key
+        own[key] = fdm[f"{where}/{key}"]
+    for key, value in numbers.items():
+        assert own[key] == pytest.approx(value, rel=2e-4), key
 
 
 def test_jsbsim_prints_nothing(capfd):
