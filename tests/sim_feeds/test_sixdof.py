@@ -309,7 +309,7 @@ def test_the_aircraft_file_and_the_airframe_table_agree():
         "Jx_kg_m2": fdm["inertia/ixx-slugs_ft2"] * kg_m2,
         "Jy_kg_m2": fdm["inertia/iyy-slugs_ft2"] * kg_m2,
         "Jz_kg_m2": fdm["inertia/izz-slugs_ft2"] * kg_m2,
-        "Jxz_kg_m2": fdm["inertia/ixz-slugs_ft2"] * kg_m2,
+        "Jxz_kg_m2": -fdm["inertia/ixz-slugs_ft2"] * kg_m2,  # element of the matrix
         "area_m2": fdm["metrics/Sw-sqft"] * feet**2,
         "span_m": fdm["metrics/bw-ft"] * feet,
         "chord_m": fdm["metrics/cbarw-ft"] * feet,
