@@ -22,6 +22,7 @@ from sim_feeds.papers.wang2020 import (
 )
 
 __all__ = [
+    "DEPLOYED_MEMORY_S",
     "METHODS",
     "Estimates",
     "engine_model",
@@ -79,6 +80,11 @@ def _compiled(settings: Settings, run: EngineExperiment, y: Array | None = None)
     return Estimates(track.x, track.P, track.works, track)
 
 
+DEPLOYED_MEMORY_S: Final = 0.2
+"""Of 0.1 to 2 s the longest within 3 % of the best area on seeds 5000-5199, which are not reported;
+shorter ones doubt good channels after two faults in a row."""
+
+
 def settings_of(**changes: Any) -> Settings:
     """The paper's settings without Delta, changed."""
     return replace(paper_settings(), **{"variation_limit": math.inf, **changes})
@@ -88,7 +94,8 @@ def _clairvoyant(run: EngineExperiment) -> Estimates:
     """A Kalman filter that is told which channels work: no method can do better."""
     s = wang2020_scenario()
     certain = settings_of(fault_free=(1.0,) * len(s.C))
-    return _compiled(certain, run, np.where(run.works, run.y, np.nan))
+    told = _compiled(certain, run, np.where(run.works, run.y, np.nan))
+    return Estimates(told.x, told.P)
 
 
 def _stepped(method: Any, run: EngineExperiment, believed: str | None) -> Estimates:
@@ -134,6 +141,9 @@ METHODS: Final[dict[str, Callable[[EngineExperiment], Estimates]]] = {
     "no-delta": lambda run: _compiled(settings_of(), run),
     "all-faulty": lambda run: _compiled(settings_of(all_faulty=True), run),
     "health": lambda run: _compiled(settings_of(all_faulty=True, memory_s=0.5), run),
+    "deployed": lambda run: _compiled(
+        settings_of(all_faulty=True, memory_s=DEPLOYED_MEMORY_S), run
+    ),
     "clairvoyant": _clairvoyant,
 }
 """Short name -> method."""
