@@ -60,6 +60,7 @@ from estimators.triplex_run import (
     residual_rms,
     triplex_run,
 )
+from estimators.triplex_signs import SIGNS
 from estimators.triplex_tuning import TriplexRecord, TriplexTuning
 
 __all__ = [
@@ -106,8 +107,9 @@ class Triplex:
         t_s = self.estimator.tuning.t_s
         self._cov = np.diag(self.estimator.table[ROW_P])
         self._par = self.tuning.parameters(t_s)
-        self._rings = np.zeros((3, 2, 3, self.tuning.N_eval))
-        self._memory = np.zeros(48)
+        self._rings = np.zeros((4, 2, 3, self.tuning.N_eval))
+        self._signs = np.zeros((2, 3, SIGNS))
+        self._memory = np.zeros(53)
         self._winds = np.zeros((2, int(self.history_s / t_s)))
 
     @classmethod
@@ -137,8 +139,9 @@ class Triplex:
         triplex_run(
             t.model, t.t_s, e.table, self._par, 0.0 if t.converged else t.kappa, t.n_kappa, t.n_qp,
             t.sqp_iterations, t.N, e.window, e.work, self.filtering, self._cov, self._rings,
-            self._memory, self._winds, np.ascontiguousarray(inertial), np.ascontiguousarray(vanes),
-            np.ascontiguousarray(pitots), np.ascontiguousarray(theta), record,
+            self._signs, self._memory, self._winds, np.ascontiguousarray(inertial),
+            np.ascontiguousarray(vanes), np.ascontiguousarray(pitots),
+            np.ascontiguousarray(theta), record,
         )  # fmt: skip
         return TriplexRecord(
             x=record[:, R_X],

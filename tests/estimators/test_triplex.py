@@ -129,12 +129,14 @@ def test_three_running_away_are_found_only_with_bounds_and_stay_found():
         assert not _released(bounded.faulty)
         assert bounded.configuration[-1] == 2
         assert not bounded.faulty[:, 0].any()
-        assert not free.faulty.any()
+        # until they stand still at their lower end, which betrays them to anyone
+        falling = flight.t < 40.0
+        assert not free.faulty[falling].any()
+        assert np.abs(free.cas - flight.cas)[falling][-1] > 200 * KT
         # the true value is still told, within the deviation that is told with it
         late = flight.t > 40.0
         error = np.abs(bounded.cas - flight.cas)[late]
         assert (error < 3.0 * bounded.cas_std[late]).all()
-        assert np.abs(free.cas - flight.cas)[-1] > 200 * KT
 
 
 @pytest.mark.parametrize("size_kt", [-45, -30, -20, 30])
@@ -331,8 +333,8 @@ def test_an_estimator_without_bounds_takes_a_common_runaway_for_wind(estimator):
     q_w_1 = (np.radians(1.0), 0.5, 1.0, 1.0)
     flight = fly(60.0, 1, speed=180.0, altitude=1524.0)
     _break(flight, 1, (0, 1, 2), "runaway", -15 * KT)
-    np.maximum(flight.pitots, 20 * KT, out=flight.pitots)
-    assert not _run_with(flight, estimator, Q_std=q_w_1).faulty.any()
+    falling = flight.t < 40.0
+    assert not _run_with(flight, estimator, Q_std=q_w_1).faulty[falling].any()
     assert _run_with(flight, "constrained", Q_std=q_w_1).faulty[-1, 1].all()
 
 
