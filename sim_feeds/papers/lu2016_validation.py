@@ -49,14 +49,16 @@ class ClosedLoopSection(Strict):
     """Sections 3.2 and 3.3 of the paper."""
 
     winds: tuple[Air, ...]
+    quick_winds: tuple[Air, ...]
     seeds: tuple[int, ...] = Field(min_length=1)
     quick_seeds: tuple[int, ...] = Field(min_length=1)
     tuning_seeds: tuple[int, ...] = Field(description="On which the autopilot was tuned.")
     flight: ClosedLoopFlight
 
-    def chosen(self, quick: bool) -> tuple[int, ...]:
-        """Seeds of the version asked for."""
-        return self.quick_seeds if quick else self.seeds
+    def chosen(self, quick: bool) -> list[tuple[Air, int]]:
+        """Winds and seeds of the version asked for."""
+        winds, seeds = (self.quick_winds, self.quick_seeds) if quick else (self.winds, self.seeds)
+        return [(wind, seed) for wind in winds for seed in seeds]
 
 
 class RecordedFlight(Strict):

@@ -65,11 +65,14 @@ EDGE_S: Final = 2.0
 def jobs(scope: Scope) -> list[Job]:
     """One for each wind and draw."""
     section = validation().closed_loop
-    seeds = [s + scope.seed for s in section.chosen(scope.quick)]
     return [
-        Job("lu2016", f"closed_loop/{wind}/{seed}", {"wind": wind, "lines": seed == seeds[0]}, seed)
-        for wind in section.winds
-        for seed in seeds
+        Job(
+            "lu2016",
+            f"closed_loop/{wind}/{seed}",
+            {"wind": wind, "lines": seed == section.seeds[0]},
+            seed + scope.seed,
+        )
+        for wind, seed in section.chosen(scope.quick)
     ]
 
 
