@@ -343,8 +343,9 @@ def triplex_run(
                         raised += rings[2, ch, i, e]
                     if par[P_LATCH] == 1.0 or raised < par[P_N_D]:
                         latched[ch, i] = 0.0
-                        rings[2, ch, i, :] = 0.0
                         faulty -= 1.0
+                        if par[P_LATCH] == 1.0:
+                            rings[2, ch, i, :] = 0.0
             if faulty == 3.0 and lost[ch] == 0.0:
                 lost[ch] = 1.0
                 since[ch] = 0.0

@@ -37,6 +37,10 @@ P_SIZE = 21
 class TriplexTuning:
     """Thresholds and times of the fault logic.
 
+    ``latch``, ``memory`` and a finite ``noisy`` are what this logic adds to the paper's: a found
+    sensor stays found, the remembered wind and jumps decide between sensors, and a sensor's own
+    noise or standstill is a sign. :meth:`as_printed` has none of them.
+
     ``J_th``, ``N_eval`` are the paper's; ``n_D`` and the rest were chosen on synthetic longitudinal
     flights in wind ramps and turbulence of up to 3.5 m/s rms. The remembered wind walks by
     0.1 m/s/sqrt(s) (the figure of recorded flights) on top of the gusts.
@@ -61,6 +65,12 @@ class TriplexTuning:
     spread_share: float = 0.2
     memory: bool = True
     noisy: float = 3.0
+
+    @classmethod
+    def as_printed(cls) -> TriplexTuning:
+        """The paper's own logic: flags follow (18) alone, and the wind has no band."""
+        free = (math.inf, math.inf)
+        return cls(latch=False, memory=False, noisy=math.inf, wind_change_m_s=free)
 
     def parameters(self, t_s: float) -> Array:
         """The kernel's parameter array; times in samples of ``t_s``."""
