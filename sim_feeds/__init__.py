@@ -12,6 +12,7 @@ wind           constant, ramp, shear, gust, Dryden turbulence
 trajectory     ``fly(plan, wind) -> Truth``: exact arrays on an even grid
 faults         every fault of the papers, and the pressure physics of blocked tubes
 sensors        what the instruments of an aircraft deliver, with their errors and times
+closed_loop    an aircraft whose autopilot steers on what its sensors say
 papers         the experiments of lu2016, wan2018 and wan2016 as arrays
 scenario       a flight, its instruments and faults as a TOML file
 player         a scenario as the MAVLink frames of an autopilot, and the truth beside it
@@ -37,8 +38,9 @@ Arrays for the papers' estimators, without MAVLink::
     )
 
 A healthy experiment has no faults: ``lu2016_experiment(faults=[])``, ``wan_experiment([])``.
-The flights are open loop: the aircraft flies its plan whatever its sensors say, as in the open-loop
-validation of lu2016 section 3.2; no autopilot steers on a faulty reading.
+These flights are open loop: the aircraft flies its plan whatever its sensors say, as in the
+open-loop validation of lu2016 section 3.2; no autopilot steers on a faulty reading. In the flights
+of :mod:`sim_feeds.closed_loop` one does.
 
 Everything random follows from ``seed``; the same seed gives the same bits.
 """

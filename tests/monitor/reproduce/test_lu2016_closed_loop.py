@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,8 +56,6 @@ def test_the_scenario_file_is_well_formed() -> None:
 
 @pytest.mark.parametrize("name", [GROUND, EXACT, AIR])
 def test_the_filter_in_the_loop_is_the_filter_off_line(name: str) -> None:
-    from dataclasses import replace
-
     short = replace(task(validation().closed_loop, "turbulence"), duration_s=12.0)
     reconstruct = Reconstruction(FILTERS[name])
     flight = fly_closed(short, reconstruct, faults=lu2016_table2(), seed=1)

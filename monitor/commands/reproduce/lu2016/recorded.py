@@ -100,8 +100,8 @@ def work(job: Job) -> Result:
                     name: _scored(e, healthy[_BASE.get(name, name)], faults, onset_s, section)
                     for name, e in found.items()
                 },
-                "named": _named(found[PIPELINE].verdicts, flight.first_us, onset_s, section),
-                "named_followed": _named(
+                "named": named_after(found[PIPELINE].verdicts, flight.first_us, onset_s, section),
+                "named_followed": named_after(
                     found[PIPELINE_FOLLOWED].verdicts, flight.first_us, onset_s, section
                 ),
             }
@@ -204,7 +204,7 @@ def _scored(
         "bias_late": np.nanmean(error[late], axis=0).tolist(),
         "share_late": [a / b for a, b in zip(_rms(error[late]), _rms(f[late]), strict=True)],
         "largest": np.nanmax(np.abs(error[scored]), axis=0).tolist(),
-        **_swing(e.t_s[late], own[late, 2], f[late, 2]),
+        **swing_response(e.t_s[late], own[late, 2], f[late, 2]),
     }
     if e.residual is not None:
         before = (e.t_s > onset_s - BEFORE_S) & (e.t_s < onset_s)
@@ -214,7 +214,7 @@ def _scored(
     return out
 
 
-def _swing(t_s: Floats, estimate: Floats, f: Floats) -> dict[str, float]:
+def swing_response(t_s: Floats, estimate: Floats, f: Floats) -> dict[str, float]:
     """How much of the oscillating f_Az comes out, and how late: the response at its frequency."""
     turning = np.exp(-2j * np.pi * t_s / SWING_S)
     response = np.sum((estimate - estimate.mean()) * turning) / np.sum((f - f.mean()) * turning)
@@ -231,7 +231,7 @@ def _at(e: Estimates, t_s: Floats) -> Floats:
     return np.column_stack([np.interp(t_s, e.t_s, column) for column in e.f.T])
 
 
-def _named(
+def named_after(
     verdicts: Any, first_us: int, onset_s: float, section: RecordedSection
 ) -> dict[str, float | None]:
     """Axis of imu0 -> seconds from the onset to the verdict that names it, while it lasts.
