@@ -7,8 +7,8 @@ from sim_feeds.gusts import discrete_noise
 from sim_feeds.von_karman import (
     LATERAL,
     LONGITUDINAL,
-    Shaping,
     VonKarman,
+    exact_density,
     rotation_of_the_air,
 )
 from sim_feeds.wind import Route, Wind
@@ -17,21 +17,25 @@ X = np.geomspace(0.01, 3000.0, 200)
 """omega L / V; for a scale of 300 m, waves of 190 km to 0.6 m."""
 
 
-def exact(shaping: Shaping, x: np.ndarray) -> np.ndarray:
-    """MIL-F-8785C section 3.7.1.1: the irrational spectra, one-sided over omega."""
-    y2 = (1.339 * x) ** 2
-    if shaping is LONGITUDINAL:
-        return 2.0 / np.pi / (1.0 + y2) ** (5.0 / 6.0)
-    return 1.0 / np.pi * (1.0 + 8.0 / 3.0 * y2) / (1.0 + y2) ** (11.0 / 6.0)
-
-
 @pytest.mark.parametrize("shaping", [LONGITUDINAL, LATERAL], ids=["u", "v and w"])
 def test_filters_have_the_von_karman_spectrum(shaping):
     """The tail falls with -5/3, which the usual low-order filters do not hold."""
-    ratio = shaping.density(X) / exact(shaping, X)
+    ratio = shaping.density(X) / exact_density(X, lateral=shaping is LATERAL)
     assert np.abs(ratio - 1.0).max() < 0.02
     x = np.linspace(0.0, 20_000.0, 1_000_001)
     assert np.trapezoid(shaping.density(x), x) == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_exact_spectra_are_mil_f_8785c():
+    """Unit variance, and at zero frequency 2 / pi and 1 / pi; in the tail v has 4/3 of u."""
+    x = np.concatenate([np.linspace(0.0, 10.0, 20_001), np.geomspace(10.0, 1e7, 20_001)[1:]])
+    for lateral, first in ((False, 2.0 / np.pi), (True, 1.0 / np.pi)):
+        density = exact_density(x, lateral=lateral)
+        assert density[0] == pytest.approx(first)
+        assert np.trapezoid(density, x) == pytest.approx(1.0, abs=1e-3)
+    tail = np.array([1e5])
+    ratio = exact_density(tail, lateral=True) / exact_density(tail, lateral=False)
+    np.testing.assert_allclose(ratio, 4.0 / 3.0, rtol=1e-4)
 
 
 @pytest.mark.parametrize("shaping", [LONGITUDINAL, LATERAL], ids=["u", "v and w"])
