@@ -4,7 +4,8 @@ Source: samar2006 section IV.
 
 Differs: the paper's AeroSim model has a piston engine that burns fuel; ours has mavsim's electric
 motor and a constant mass. Its model-predictive guidance is a simple course controller here. The
-paper does not print its waypoints.
+paper does not print its waypoints. Gusts act at one point, as there: a wing of 3 m would average
+the shortest waves.
 """
 
 from __future__ import annotations
