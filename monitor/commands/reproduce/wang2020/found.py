@@ -82,9 +82,9 @@ class Found:
         """By how many per cent the proposed method's median is below another's."""
         return 100.0 * (1.0 - self.spread("proposed", key).median / self.spread(of, key).median)
 
-    def printed(self, key: str) -> int:
-        """A count of the printed form over all runs in Gaussian noise."""
-        return int(sum(np.sum(part["printed"][key]) for part in self._parts("gaussian")))
+    def printed(self, key: str, law: str = "gaussian") -> int:
+        """A count of the printed form over all runs."""
+        return int(sum(np.sum(part["printed"][key]) for part in self._parts(law)))
 
     @property
     def classic_apart(self) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.baselines.chi_square_window import ChiSquareWindowFilter
+from estimators.baselines.fault_condition_bank import FaultConditionBank
 from estimators.baselines.numpy_twins_imkf import BatchedTwin
 from estimators.baselines.rakf import RobustAdaptiveFilter
 from estimators.imkf import IntermittentFilter, LinearModel, Settings, Track
@@ -135,6 +136,9 @@ def physical(run: EngineExperiment, *, with_ranges: bool) -> Array:
 METHODS: Final[dict[str, Callable[[EngineExperiment], Estimates]]] = {
     "proposed": lambda run: _compiled(paper_settings(), run),
     "classic": lambda run: _stepped(_started(BatchedTwin, paper_settings()), run, "w"),
+    "bank": lambda run: _stepped(
+        _started(FaultConditionBank, wang2020_scenario().filter_fault_free), run, "w"
+    ),
     "chi-square": lambda run: _stepped(_started(ChiSquareWindowFilter), run, "works"),
     "rakf": lambda run: _stepped(_started(RobustAdaptiveFilter), run, None),
     "predicted": lambda run: _compiled(replace(paper_settings(), on_rejection="predict"), run),

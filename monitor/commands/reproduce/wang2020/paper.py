@@ -83,11 +83,13 @@ def _comparison(found: Found) -> str:
     return (
         "Proposed and classic correction are computed independently: the information form through "
         "the compiled filter's scalar corrections, the classic gain in numpy. Their estimates "
-        f"differ by at most {apart:.0e}, relative.\n\n"
+        f"differ by at most {apart:.0e}, relative. The paper also calls this method an extended "
+        "multiple-model estimation; a bank of one classic filter for each condition, merged in the "
+        "output only, stands below as the other reading.\n\n"
         "The chi-square window sums normalised squared innovations of 99 accepted samples and the "
         "new one against the 95 % value of chi-square; RAKF multiplies R by how much larger than "
-        "expected 200 innovations were, whenever chi-square of the innovation exceeds its 99 % "
-        "value."
+        "expected the last 200 innovations were, whenever chi-square of the innovation exceeds its "
+        "99 % value."
     )
 
 
