@@ -14,8 +14,8 @@ S            (mean of e e' - C P C') R^-1 over the window      (m, m)        mat
 s*           max(1, S_ii): factors of the channels' variances  (m,)          adaptation
 ===========  ================================================  ============  ====================
 
-Source: C. Hajiyev, H. E. Soken, Aerosp. Sci. Technol. 28 (2013) 376-383, as wang2020 section IV-C
-uses it (method 3): window 200, alpha 0.01.
+Source: C. Hajiyev, H. E. Soken, docs/references ``hajiyev2013``, as wang2020 section IV-C uses it
+(method 3): window 200, alpha 0.01. wang2020 prints no equations of it.
 """
 
 from __future__ import annotations
