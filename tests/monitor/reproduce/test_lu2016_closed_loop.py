@@ -15,15 +15,14 @@ from monitor.commands.reproduce.lu2016.closed_loop import (
     started,
     task,
 )
-from monitor.commands.reproduce.lu2016.closed_loop_shown import (
+from monitor.commands.reproduce.lu2016.closed_loop_names import (
     AIR,
     EXACT,
     FAULTY,
     GROUND,
-    blocks,
-    claims,
     steered_on,
 )
+from monitor.commands.reproduce.lu2016.closed_loop_shown import blocks, claims
 from monitor.commands.reproduce.lu2016.published import TRIAL_RMSE
 from monitor.commands.reproduce.study import Chapter, Figure, Results, Scope, Table
 from sim_feeds.closed_loop import fly_closed

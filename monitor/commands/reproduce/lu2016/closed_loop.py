@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from estimators.kinematics import output_jacobian, state_from_output
 from estimators.two_stage_ekf import AS, GS, Settings, TwoStageFilter
-from monitor.commands.reproduce.lu2016.closed_loop_shown import (
+from monitor.commands.reproduce.lu2016.closed_loop_names import (
     AIR,
     EXACT,
     FAULTY,
     GROUND,
     TRUE,
-    blocks,
-    claims,
     steered_on,
 )
+from monitor.commands.reproduce.lu2016.closed_loop_shown import blocks, claims
 from monitor.commands.reproduce.lu2016.methods import PRINTED
 from monitor.commands.reproduce.study import Job, Result, Scope
 from sim_feeds.closed_loop import (
