@@ -9,17 +9,21 @@
 - ``aero/qbar-area`` is not initialised, and functions outside an axis read the value of the step
   before: the same flight twice differs in its last digits. :meth:`Engine.start` clears it.
 - Wind is the velocity the air moves toward.
+- Some aircraft of JSBSim open network ports and write files: see :func:`_closed`.
 - JSBSim prints to standard output; here it is silent.
 """
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +61,9 @@ INTEGRATORS: Final = {
 """3 and 4 are Adams-Bashforth of second and third order, 7 is Buss' second-order rotation."""
 
 
+TALKING: Final = ("input", "output")
+
+
 class EngineMissing(RuntimeError):
     """JSBSim is not installed; the message says what to install."""
 
@@ -76,6 +83,26 @@ def _jsbsim() -> ModuleType:
     except ImportError:
         raise EngineMissing(NEEDED) from None
     return jsbsim
+
+
+def _closed(root: Path, aircraft: str, scratch: Path) -> Path:
+    """Directory with the aircraft, without what would open ports and write files.
+
+    An aircraft file may name ports to be steered through and sockets or files to report to; some
+    that JSBSim ships do. A simulator inside another program must not. Such an aircraft is copied
+    to ``scratch`` with those elements left out.
+    """
+    source = root / aircraft / f"{aircraft}.xml"
+    tree = ElementTree.parse(source)
+    top = tree.getroot()
+    talking = [child for child in top if child.tag in TALKING]
+    if not talking:
+        return root
+    for child in talking:
+        top.remove(child)
+    shutil.copytree(source.parent, scratch / aircraft)
+    tree.write(scratch / aircraft / source.name, encoding="utf-8", xml_declaration=True)
+    return scratch
 
 
 class Engine:
@@ -107,9 +134,12 @@ class Engine:
             raise AircraftMissing(f"no aircraft {aircraft!r}: ours are {known}; JSBSim has others")
         fdm: jsbsim.FGFDMExec = module.FGFDMExec(str(theirs))
         fdm.set_debug_level(0)
-        if not fdm.load_model_with_paths(
-            aircraft, str(root), str(theirs / "engine"), str(theirs / "systems")
-        ):
+        with TemporaryDirectory() as scratch:
+            root = _closed(root, aircraft, Path(scratch))
+            loaded = fdm.load_model_with_paths(
+                aircraft, str(root), str(theirs / "engine"), str(theirs / "systems")
+            )
+        if not loaded:
             raise AircraftMissing(f"JSBSim cannot read the aircraft {aircraft!r}")
         fdm.set_dt(dt_s)
         for name, scheme in INTEGRATORS.items():

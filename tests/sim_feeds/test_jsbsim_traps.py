@@ -4,7 +4,9 @@ Each test first shows the trap with JSBSim alone, then our way round it: should 
 JSBSim close one, the test says so.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -208,3 +210,34 @@ def test_air_that_turns_is_felt_as_the_opposite_rate():
             values.append(e.fdm[f"moments/{moment}-total-lbsft"])
         # Damping derivatives are negative: a nose-up turn of the air lifts the nose.
         assert values[1] > values[0]
+
+
+def sockets() -> set[str]:
+    """Sockets that this process has open (Linux)."""
+    found = set()
+    for handle in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            found.add(str(handle.readlink()))
+    return {name for name in found if name.startswith("socket:")}
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
+def test_an_aircraft_opens_no_ports(capfd):
+    """JSBSim's 737 listens on two ports, its c310 reports to two, many write files."""
+    text = (Path(jsbsim.get_default_root_dir()) / "aircraft" / "737" / "737.xml").read_text()
+    assert "<input port=" in text
+    before = sockets()
+    engines = [Engine(aircraft, dt_s=DT_S) for aircraft in ("737", "c310")]
+    for e in engines:
+        e.start(
+            lat_rad=0.9,
+            lon_rad=0.3,
+            height_m=2000.0,
+            euler_rad=(0.0, 0.05, 0.0),
+            vel_ned_m_s=np.array([90.0, 0.0, 0.0]),
+            wind_ned_m_s=np.zeros(3),
+        )
+        for _ in range(10):
+            e.step()
+    assert sockets() == before
+    assert capfd.readouterr().out == ""

@@ -198,7 +198,7 @@ def test_waypoints_height_and_airspeed_are_held(circuit):
     assert np.hypot(*(circuit.ned_m[-1] - circuit.ned_m[0])[:2]) < 1000.0
 
 
-@pytest.mark.parametrize("wind_toward_deg", [0.0, 90.0, 180.0, 270.0])
+@pytest.mark.parametrize("wind_toward_deg", [30.0, 210.0])
 def test_it_comes_round_in_any_wind(wind_toward_deg):
     f = fly_aerosonde(seed=2, wind_share=0.25, wind_toward_deg=wind_toward_deg)
     gone = np.hypot(f.ned_m[:, 0], f.ned_m[:, 1])
