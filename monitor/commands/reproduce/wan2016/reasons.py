@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from estimators.air_data_mhe import AirDataTuning
-from estimators.baselines.triplex_as_printed import PrintedLogic
+from estimators.triplex import TriplexTuning
 from monitor.commands.reproduce.study import Result, Results
 from monitor.commands.reproduce.wan2016.printed import DELAYS_S, ERRORS, Errors
 from sim_feeds.faults import KNOT_M_S, FaultKind
@@ -19,7 +19,7 @@ __all__ = ["delay_of", "median", "why_delay", "why_faulty", "why_healthy"]
 ALIKE: Final = 1.5
 """Two errors within this factor are called alike."""
 STEP_S: Final = AirDataTuning().t_s
-LOGIC: Final = PrintedLogic()
+LOGIC: Final = TriplexTuning()
 THRESHOLD_KT: Final = LOGIC.cas_threshold_m_s / KNOT_M_S
 THRESHOLD_DEG: Final = math.degrees(LOGIC.alpha_threshold_rad)
 _STEPS: Final = (FaultKind.BIAS, FaultKind.JAMMING, FaultKind.NRZ)
@@ -113,6 +113,12 @@ def why_delay(row: Scenario, channel: int, results: Results) -> str:
         )
     if group.kind in _STEPS:
         return _why_step(float(np.median(runs["size"][:, 3 * channel])), channel, ours)
+    if printed is not None and ours < 0.5 * printed:
+        return (
+            "A reading that repeats itself to the bit is a sign of its own in ours; as printed the "
+            "sensors pass until the aircraft has left the value they keep, and two of them outvote "
+            "the third."
+        )
     return "The sensors kept their value: the delay is the time in which the aircraft leaves it."
 
 

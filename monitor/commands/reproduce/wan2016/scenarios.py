@@ -2,21 +2,19 @@
 
 "ours" is :class:`estimators.triplex.Triplex` as it is deployed (exact model, ground speed measured,
 latch, remembered wind); "as printed" is the paper's own scheme: its simplified model without a
-ground speed measurement, and the fault logic word for word. The horizon is the same compiled
-kernel in both.
+ground speed measurement, and the fault logic word for word.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_data_2d import APPROXIMATE
-from estimators.air_data_mhe import AirDataMHE, AirDataTuning
-from estimators.baselines.triplex_as_printed import PrintedLogic, run_as_printed
-from estimators.triplex import Triplex
+from estimators.air_data_mhe import AirDataTuning
+from estimators.triplex import Triplex, TriplexRecord, TriplexTuning
 from monitor.commands.reproduce.study import Job, Result, Scope
 from sim_feeds.faults import KNOT_M_S
 from sim_feeds.papers.wan import LongitudinalExperiment
@@ -98,19 +96,19 @@ def _healthy(flight: LongitudinalExperiment) -> Result:
     return _judge(flight, _run("ours", flight), np.inf)
 
 
-def _run(form: str, flight: LongitudinalExperiment) -> Any:
-    """A record with ``alpha``, ``cas``, ``x``, ``J`` and ``faulty``."""
+def _run(form: str, flight: LongitudinalExperiment) -> TriplexRecord:
     x0, theta = flight.x[0], flight.theta
     inertial = np.column_stack([theta[:, 0], flight.v_z_m_s])
-    readings = inertial, flight.aoa_rad, flight.cas_m_s, theta
     if form == "ours":
-        return Triplex.start(x0, theta[0]).run(*readings)
-    R_std = (_NO_GROUND_SPEED_STD, *AirDataTuning().R_std[1:])
-    estimator = AirDataMHE(AirDataTuning(model=APPROXIMATE, R_std=R_std), x0, theta[0])
-    return run_as_printed(estimator, x0, PrintedLogic(), *readings)
+        triplex = Triplex.start(x0, theta[0])
+    else:
+        R_std = (_NO_GROUND_SPEED_STD, *AirDataTuning().R_std[1:])
+        weights = AirDataTuning(model=APPROXIMATE, R_std=R_std)
+        triplex = Triplex.start(x0, theta[0], weights, TriplexTuning.as_printed())
+    return triplex.run(inertial, flight.aoa_rad, flight.cas_m_s, theta)
 
 
-def _judge(flight: LongitudinalExperiment, record: Any, onset_s: float) -> Result:
+def _judge(flight: LongitudinalExperiment, record: TriplexRecord, onset_s: float) -> Result:
     """Errors, and for each of six sensors when it was flagged, and what became of it."""
     t = flight.t_s
     counts = t >= _FIRST_S
@@ -147,7 +145,7 @@ def _joined(runs: list[Result]) -> Result:
     return {key: np.stack([run[key] for run in runs]) for key in runs[0]}
 
 
-def _course(flight: LongitudinalExperiment, record: Any) -> Result:
+def _course(flight: LongitudinalExperiment, record: TriplexRecord) -> Result:
     """What Figs. 2 and 3 of the paper draw."""
     return {
         "t_s": flight.t_s,
