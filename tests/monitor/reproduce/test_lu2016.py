@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from monitor.commands.reproduce.lu2016 import fault_walk, open_loop, rates, simulated
-from monitor.commands.reproduce.lu2016.methods import METHODS, MODELS
+from monitor.commands.reproduce.lu2016.methods import METHODS, MODELS, scores
 from monitor.commands.reproduce.lu2016.paper import PAPER, STUDIES
 from monitor.commands.reproduce.lu2016.published import AXES, TRIAL_RMSE
 from monitor.commands.reproduce.study import Chapter, Results, Scope, Table
+from sim_feeds.papers.lu2016 import lu2016_experiment
 
 QUICK = Scope(quick=True)
 OWN = {"simulated": simulated, "fault_walk": fault_walk, "open_loop": open_loop, "rates": rates}
@@ -101,6 +102,32 @@ def test_at_equal_noise_the_filter_beats_the_observer(results: Results) -> None:
     assert 0.1 < tau < 0.64
 
 
+def test_scores_of_estimates_whose_errors_are_known() -> None:
+    flight = lu2016_experiment("calm", 0)
+    f, t = flight.f[1:], flight.t_s[1:]
+    off = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.1])
+    late = np.where((t > 20.0)[:, None], f, 0.0)
+    found = scores({"exact": f, "off": f + off, "late": late}, flight)
+    assert all(np.all(found["exact"][s] == 0.0) for s in ("rmse", "bias", "largest", "before"))
+    for score in ("rmse", "bias", "largest", "before"):
+        assert np.allclose(found["off"][score], off)
+    assert np.allclose(found["off"]["quiet"], 0.0)
+    assert found["late"]["largest"][0] == pytest.approx(3.0)
+    assert found["late"]["bias"][0] == pytest.approx(-1.0, abs=0.01)  # 15-20 of 15-30 s
+    assert found["late"]["rmse"][0] == pytest.approx(3.0 * np.sqrt(0.25), rel=0.01)
+
+
+def test_samples_of_a_receiver_are_held_back_and_joined_by_lines() -> None:
+    t = np.arange(11.0)
+    y = np.column_stack([t**2, t, -t, t, t, t])
+    sparse = rates.held_back(y, 5)
+    assert np.flatnonzero(np.isfinite(sparse[:, 0])).tolist() == [0, 5, 10]
+    assert np.array_equal(sparse[:, 3:], y[:, 3:])
+    joined = rates.interpolated(t, sparse)
+    assert np.allclose(joined[:, 1:], y[:, 1:])
+    assert np.allclose(joined[:6, 0], 5.0 * t[:6])
+
+
 def spoiled(results: Results, factor: float, *parts: str) -> Results:
     """Results with every score of these models, methods or runs multiplied."""
     out = copy.deepcopy(dict(results))
@@ -109,7 +136,7 @@ def spoiled(results: Results, factor: float, *parts: str) -> Results:
         for score, value in found.items():
             if isinstance(value, dict):
                 multiply(value)
-            elif score in ("rmse", "quiet", "bias", "followed", "largest"):
+            elif score in ("before", "rmse", "quiet", "bias", "followed", "largest"):
                 found[score] = value * factor
 
     for result in out.values():
@@ -127,7 +154,8 @@ def spoiled(results: Results, factor: float, *parts: str) -> Results:
         ("simulated", 60.0, ("GS",), "gyro faults are estimated alike"),
         ("fault_walk", 10.0, ("form",), "better than a low-passed"),
         ("open_loop", 3.0, ("GS",), "almost twice"),
-        ("open_loop", 30.0, ("GS",), "parabolic flight"),
+        ("open_loop", 30.0, ("GS",), "parabolic flight: both"),
+        ("open_loop", 30.0, ("GS",), "wrong even before"),
         ("open_loop", 60.0, ("GS",), "largest gyro error"),
         ("open_loop", 60.0, ("GS",), "prominently smaller"),
     ],
