@@ -23,13 +23,14 @@ player         a scenario as the MAVLink frames of an autopilot, and the truth b
 Arrays for the papers' estimators, without MAVLink::
 
     from sim_feeds.papers.lu2016 import lu2016_experiment
-    from sim_feeds.papers.wan import wan2016_experiment, wan_experiment
+    from sim_feeds.papers.wan import wan_experiment
+    from sim_feeds.papers.wan2016 import table1
 
     e = lu2016_experiment("turbulence", seed=3)      # 40 s at 100 Hz, Table 2 faults 10-30 s
     e.u_m, e.y_ground, e.env, e.f, e.x_ground        # (4001, 6), (4001, 6), (4001, 2) ...
     e.x_air, e.y_air                                 # [u v w ...], [V alpha beta ...]
 
-    w = wan2016_experiment(6, seed=1)                # row 6 of Table 1: two airspeeds run away
+    w = table1().experiment("6", seed=1)             # row 6 of Table 1: two airspeeds run away
     w.theta, w.v_z_m_s, w.aoa_rad, w.cas_m_s         # a row each 0.048 s, 3 vanes, 3 airspeeds
     w.x, w.cas_true_m_s, w.faulty                    # truth
 

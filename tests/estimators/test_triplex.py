@@ -11,7 +11,8 @@ from estimators.baselines import numpy_twins_air as twin
 from estimators.baselines.triplex_as_printed import PrintedLogic, run_as_printed
 from estimators.triplex import Triplex, TriplexTuning, fuse, residual_rms
 from sim_feeds.faults import Fault, FaultKind
-from sim_feeds.papers.wan import wan2016_experiment, wan_experiment
+from sim_feeds.papers.wan import wan_experiment
+from sim_feeds.papers.wan2016 import table1
 
 from .longitudinal_truth import KT, fly
 
@@ -275,7 +276,7 @@ def test_the_scenarios_of_wan2016_on_an_independent_flight(case):
     Ten percent of a vane's few degrees (row 1) is below any threshold of the paper: not visible.
     """
     for seed in (1, 2, 3):
-        w = wan2016_experiment(case, seed=seed)
+        w = table1().experiment(str(case), seed)
         inertial = np.column_stack([w.theta[:, 0], w.v_z_m_s])
         triplex = Triplex.start(w.x[0], w.theta[0])
         record = triplex.run(inertial, w.aoa_rad, w.cas_m_s, w.theta)

@@ -246,8 +246,10 @@ def _sweep(key: str, name: str, label: str, results: Results) -> Figure:
         if is_rate:
             delays.axhline(DELAYS_S[scenario][1] or 0.0, color="0.5", ls=":", label="paper")
             delays.legend()
-            delays.set_xscale("log")
-            shares.set_xscale("log")
+            for axis in (delays, shares):
+                axis.set_xscale("log")
+                axis.set_xticks(values, [f"{v:g}" for v in values])
+                axis.minorticks_off()
         delays.set_ylabel("delay [s], where found")
         delays.set_ylim(bottom=0.0)
         shares.set_ylabel("healthy one blamed [% of runs]")

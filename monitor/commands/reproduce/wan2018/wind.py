@@ -37,6 +37,7 @@ ALIKE: Final = 0.1
 """Residuals that differ by less than this share are called the same."""
 WINDS: Final = ("1", "2", "3")
 BOUND_KT: Final = 120.0
+COLOURS: Final = {"EKF": "C2", "EKF*": "C5", "UMHE": "C1", "CMHE": "C0"}
 AOA, CAS = 0, 1
 
 
@@ -158,7 +159,7 @@ def _bars(results: Results) -> Figure:
                 middle = np.array([np.median(v) for v in values])
                 reach = np.array([np.percentile(v, [10, 90]) for v in values]).T
                 axis.bar(
-                    at, middle, 0.18, color=f"C{k}", label=scheme,
+                    at, middle, 0.18, color=COLOURS[scheme], label=scheme,
                     yerr=np.abs(reach - middle), error_kw={"lw": 0.8},
                 )  # fmt: skip
             axis.set_xticks(range(3), [f"scenario {wind}" for wind in WINDS])
