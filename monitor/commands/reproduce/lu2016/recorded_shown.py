@@ -82,7 +82,7 @@ def _words(flights: Sequence[Result]) -> str:
         "model cannot be run: it is compared on synthetic recordings) and no vertical GPS speed. "
         "Its sensors have turn-on biases that no one injected, so errors are counted against what "
         "the same form says of the healthy recording; the table of healthy recordings has these. "
-        "*Interpolated* is the paper's form; *own times* what can be done in flight; *pipeline* "
+        "“Interpolated” is the paper's form, “own times” what can be done in flight, “pipeline” "
         "the monitor."
     )
 
