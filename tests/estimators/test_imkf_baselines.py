@@ -71,6 +71,22 @@ def test_window_leaves_out_a_large_error_and_overlooks_a_small_one():
             assert twin.windows[0] == own.windows[0]
 
 
+def test_readings_of_rakf_adapt_what_they_say():
+    u, _, y = healthy(300)
+    y[250:, 1] += 0.2
+    factors = {}
+    for reading in ("multiple", "single", "channel"):
+        own = RobustAdaptiveFilter(MODEL, X0, P0, reading=reading)
+        for k in range(251):
+            own.step(u[k], y[k])
+        assert own.detected
+        factors[reading] = own.factor
+    assert factors["single"].min() == factors["single"].max() >= 1.0
+    assert factors["channel"][0] == 1.0
+    assert factors["channel"][1] > 20.0
+    assert factors["multiple"][1] > factors["multiple"][0]
+
+
 def test_rakf_raises_the_noise_of_the_channel_that_is_wrong():
     u, x, y = healthy(400)
     y[200:, 1] += 0.2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,7 @@ from monitor.commands.reproduce.wang2020.printed import (
     OPERATIONS,
     TABLE4,
 )
-from monitor.commands.reproduce.wang2020.tables import NAMES
+from monitor.commands.reproduce.wang2020.tables import NAMES, PRINTED_AS
 
 __all__ = ["AIM", "claims"]
 
@@ -105,23 +105,30 @@ def _cost(found: Found) -> Claim:
 
 
 def _reduced(found: Found, than: str) -> Claim:
-    ours = found.reduction("a95", than)
     paper = AREA_REDUCTION[than]
-    ratio = found.ratio("proposed", than)
-    better = ratio.below(1.0)
+    readings = [method for method, row in PRINTED_AS.items() if row == than]
+    ours = {method: found.reduction("a95", method) for method in readings}
+    better = {method: found.ratio("proposed", method).below(1.0) for method in readings}
+    numbers = ", ".join(
+        f"{ours[m]:.0f} % smaller in the median than with the {NAMES[m]} and smaller in "
+        f"{better[m]:.0%} of the runs"
+        for m in readings
+    )
     return Claim(
-        f"Table 3: the error ellipse is {paper} % smaller than that of "
-        f"{NAMES[than] if than == 'rakf' else 'the ' + NAMES[than]}",
-        _verdict(ours >= paper / MARGIN and better > 0.9, ours > 0.0),
-        f"{ours:.0f} % smaller in the median, and smaller in {better:.0%} of the runs; "
-        + _with_memory(found, than),
+        f"Table 3: the error ellipse is {paper} % smaller than that of the {NAMES[than]}",
+        _verdict(
+            all(ours[m] >= paper / MARGIN and better[m] > 0.9 for m in readings),
+            any(ours[m] > 0.0 for m in readings),
+        ),
+        f"It is {numbers}. With j = 0 and health memory: {_with_memory(found, readings)} % "
+        "smaller.",
     )
 
 
-def _with_memory(found: Found, than: str) -> str:
+def _with_memory(found: Found, methods: Sequence[str]) -> str:
     area = found.spread("deployed", "a95").median
-    percent = 100.0 * (1.0 - area / found.spread(than, "a95").median)
-    return f"with j = 0 and health memory it is {percent:.0f} % smaller."
+    smaller = [100.0 * (1.0 - area / found.spread(m, "a95").median) for m in methods]
+    return ", ".join(f"{v:.0f}" for v in smaller)
 
 
 def _classic(found: Found) -> Claim:

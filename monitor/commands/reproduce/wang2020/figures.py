@@ -14,7 +14,7 @@ from monitor.commands.reproduce.wang2020.found import Found
 from monitor.commands.reproduce.wang2020.methods import DEPLOYED_MEMORY_S
 from monitor.commands.reproduce.wang2020.printed import TABLE3
 from monitor.commands.reproduce.wang2020.scores import SHARES, chi_square_2
-from monitor.commands.reproduce.wang2020.tables import NAMES, printed_as
+from monitor.commands.reproduce.wang2020.tables import NAMES, PRINTED_AS
 from sim_feeds.papers.wang2020 import NOISE_LAWS, wang2020_scenario
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def figures(found: Found) -> dict[str, Figure]:
             f"Area of the 95 % ellipse in {found.runs} runs (bar: 10 to 90 %, dot: median) and the "
             "paper's one run (cross).",
             partial(_spread, found),
-            (8.0, 3.4),
+            (8.0, 4.0),
         ),
     )
     return {figure.name.removeprefix("wang2020-"): figure for figure in made}
@@ -210,8 +210,8 @@ def _spread(found: Found, canvas: Canvas) -> None:
         colour = "C0" if method == "deployed" else "0.4"
         ax.plot([area.low, area.high], [i, i], color=colour, lw=3, solid_capstyle="butt")
         ax.plot(area.median, i, "o", color=colour, mec="white")
-        if method in TABLE3 or method == "bank":
-            ax.plot(TABLE3[printed_as(method)].a95, i, "x", color="C1")
+        if method in PRINTED_AS:
+            ax.plot(TABLE3[PRINTED_AS[method]].a95, i, "x", color="C1")
     ax.set_yticks(range(len(order)), [NAMES[method] for method in order])
     ax.set_xscale("log")
     ax.set_xlabel("area of the 95 % ellipse [%²]")

@@ -111,9 +111,9 @@ def _stepped(method: Any, run: EngineExperiment, believed: str | None) -> Estima
     return Estimates(x, P, works if believed else None)
 
 
-def _started(kind: Callable[..., Any], *settings: Any) -> Any:
+def _started(kind: Callable[..., Any], *settings: Any, **options: Any) -> Any:
     s = wang2020_scenario()
-    return kind(engine_model(), *settings, s.filter_start, s.Q)
+    return kind(engine_model(), *settings, s.filter_start, s.Q, **options)
 
 
 def physical(run: EngineExperiment, *, with_ranges: bool) -> Array:
@@ -141,6 +141,12 @@ METHODS: Final[dict[str, Callable[[EngineExperiment], Estimates]]] = {
     ),
     "chi-square": lambda run: _stepped(_started(ChiSquareWindowFilter), run, "works"),
     "rakf": lambda run: _stepped(_started(RobustAdaptiveFilter), run, None),
+    "rakf-single": lambda run: _stepped(
+        _started(RobustAdaptiveFilter, reading="single"), run, None
+    ),
+    "rakf-channel": lambda run: _stepped(
+        _started(RobustAdaptiveFilter, reading="channel"), run, None
+    ),
     "predicted": lambda run: _compiled(replace(paper_settings(), on_rejection="predict"), run),
     "no-delta": lambda run: _compiled(settings_of(), run),
     "all-faulty": lambda run: _compiled(settings_of(all_faulty=True), run),
