@@ -93,6 +93,16 @@ def residual_rms(ring: Array, count: int) -> float:
 
 
 @kernel
+def leap_of(ring: Array, k: int) -> float:
+    """Mean of a ring's last three values less that of the three before; ``k`` is the newest."""
+    n = ring.size
+    leap = 0.0
+    for e in range(3):
+        leap += (ring[(k - e) % n] - ring[(k - 3 - e) % n]) / 3.0
+    return leap
+
+
+@kernel
 def fuse(value: Array, J: Array, use: Array, M: Array) -> tuple[float, float, bool]:
     """Weighted mean of the sensors in use, their weighted ``M``, and whether there is any.
 
@@ -131,12 +141,12 @@ def triplex_run(
         :meth:`TriplexTuning.parameters`.
     filtering : bool
         Whether an EKF with covariance ``cov`` (4, 4) takes the place of the horizon.
-    rings : (4, 2, 3, N_eval) float64, updated
-        Residuals against the prediction, against the remembered wind, raised flags, and squared
-        second differences.
+    rings : (5, 2, 3, N_eval) float64, updated
+        Residuals against the prediction, against the remembered wind, raised flags, squared
+        second differences, and readings.
     signs : (2, 3, SIGNS) float64, updated
         See :mod:`estimators.triplex_signs`.
-    memory : (53,) float64, updated
+    memory : (61,) float64, updated
         Counters, latches and held winds; see the slices below.
     winds : (2, S) float64, updated
         Ring of the wind estimate (W_x, W_z), one column per sample.
@@ -166,6 +176,8 @@ def triplex_run(
     left = memory[39:45].reshape(2, 3)  # the jump with which a latched one left
     walk_var = memory[45:47]  # variance of the wind's change per sample, learnt
     back = memory[47:53].reshape(2, 3)  # largest jump of the last seconds since it was latched
+    sprung = memory[53:59].reshape(2, 3)  # largest jump of the reading itself
+    stepped = memory[59:61]  # samples for which all that are left have been away by a jump
     W_now = np.empty(2)
     J = np.empty((2, 3))
     M = np.empty((2, 3))
@@ -221,17 +233,17 @@ def triplex_run(
                 silent = not np.isfinite(v)
                 rings[0, ch, i, slot] = 2.0 * limit if silent else v - predicted
                 rings[1, ch, i, slot] = 2.0 * limit if silent else v - remembered
+                rings[4, ch, i, slot] = 0.0 if silent else v
                 J[ch, i] = max(residual_rms(rings[0, ch, i], seen), par[P_FLOOR] * limit)
                 M[ch, i] = residual_rms(rings[1, ch, i], seen)
                 above = J[ch, i] > limit
                 jump[ch, i] *= 1.0 - t_s / JUMP_S
                 if k >= 6:
-                    leap = 0.0
-                    for e in range(3):
-                        leap += rings[0, ch, i, (k - e) % n_eval] / 3.0
-                        leap -= rings[0, ch, i, (k - 3 - e) % n_eval] / 3.0
+                    leap = leap_of(rings[0, ch, i], k)
                     jump[ch, i] = max(jump[ch, i], abs(leap))
                     back[ch, i] = max((1.0 - t_s / BACK_S) * back[ch, i], abs(leap))
+                    leap = leap_of(rings[4, ch, i], k)
+                    sprung[ch, i] = max((1.0 - t_s / BACK_S) * sprung[ch, i], abs(leap))
                 rings[2, ch, i, slot] = 1.0 if above else 0.0
                 if not silent:
                     sign = own_sign(v, par[P_NOISY], limit, rings[3, ch, i], signs[ch, i])
@@ -280,6 +292,21 @@ def triplex_run(
                         latched[ch, i] = 1.0
                         peak[ch, i] = J[ch, i]
                         left[ch, i] = own
+                        calm[ch, i] = back[ch, i] = 0.0
+            # a step of all that are left, which the wind may have taken up before J could tell
+            away = par[P_MEMORY] == 1.0
+            n_left = 0
+            for i in range(3):
+                if not latched[ch, i]:
+                    n_left += 1
+                    away = away and M[ch, i] > limit and sprung[ch, i] > 0.5 * limit
+            stepped[ch] = stepped[ch] + 1.0 if away and n_left > 0 else 0.0
+            if stepped[ch] >= par[P_N_D]:
+                for i in range(3):
+                    if not latched[ch, i]:
+                        latched[ch, i] = 1.0
+                        peak[ch, i] = M[ch, i]
+                        left[ch, i] = sprung[ch, i]
                         calm[ch, i] = back[ch, i] = 0.0
             if majority_wrong:
                 # the wind that the others ask for, from the last samples against the memory
