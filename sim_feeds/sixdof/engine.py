@@ -126,6 +126,8 @@ class Engine:
     def __init__(self, aircraft: str, *, dt_s: float) -> None:
         module = _jsbsim()
         module.FGJSBBase().debug_lvl = 0
+        if hasattr(module, "set_logger"):  # 1.2 has no logger
+            module.set_logger(module.DefaultLogger(module.LogLevel.FATAL))
         ours = bundled_aircraft()
         theirs = Path(module.get_default_root_dir())
         root = ours if (ours / aircraft).is_dir() else theirs / "aircraft"
@@ -148,6 +150,11 @@ class Engine:
         self.aircraft = aircraft
         self.dt_s = dt_s
         self._properties = fdm.get_property_manager()
+        # An aircraft whose thrust is its own equations has no engine that JSBSim knows.
+        self._engines = fdm.get_propulsion().get_num_engines()
+        levers = [f"[{i}]" for i in range(self._engines)] or [""]
+        nodes = [self._properties.get_node(f"fcs/throttle-cmd-norm{lever}") for lever in levers]
+        self._throttles = [node for node in nodes if node is not None]
 
     def node(self, name: str) -> Any:
         """The property of a name, for quick access.
@@ -209,6 +216,21 @@ class Engine:
         self.fdm.run_ic()
         for axis, speed in zip(("north", "east", "down"), wind_ned_m_s, strict=True):
             self.fdm[f"atmosphere/wind-{axis}-fps"] = speed / FOOT_M
+
+    def run_engines(self) -> None:
+        """Engines running, mixture rich, propellers forward, gear up; in the air, after a start."""
+        for i in range(self._engines):
+            for lever in ("mixture", "advance"):
+                self.fdm[f"fcs/{lever}-cmd-norm[{i}]"] = 1.0
+        if self._engines:
+            self.fdm["propulsion/set-running"] = -1.0
+        self.fdm["gear/gear-cmd-norm"] = 0.0
+        self.fdm["gear/gear-pos-norm"] = 0.0
+
+    def set_throttle(self, command: float) -> None:
+        """All throttles, 0 to 1; a glider has none."""
+        for node in self._throttles:
+            node.set_double_value(command)
 
     def step(self) -> None:
         """Advance by one step."""

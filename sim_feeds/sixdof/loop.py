@@ -123,10 +123,7 @@ def fly(
     rows : (m, len(kept.names)) float64
         After the steps keep_from, keep_from + keep_every, ...
     """
-    surfaces = [
-        engine.node(f"fcs/{name}-cmd-norm")
-        for name in ("elevator", "aileron", "rudder", "throttle")
-    ]
+    surfaces = [engine.node(f"fcs/{name}-cmd-norm") for name in ("elevator", "aileron", "rudder")]
     north, east, down = (engine.node(f"atmosphere/gust-{a}-fps") for a in ("north", "east", "down"))
     turns = gusts.pitch_rad_s.any() or gusts.yaw_rad_s.any()
     turn = [engine.node(f"gust/{axis}-rad_sec") for axis in "qr"] if turns else []
@@ -139,10 +136,10 @@ def fly(
     ):
         if k % control_every == 0:
             order = steer()
-            for node, value in zip(
-                surfaces, (order.elevator, order.aileron, order.rudder, order.throttle), strict=True
-            ):
+            moved = zip(surfaces, (order.elevator, order.aileron, order.rudder), strict=True)
+            for node, value in moved:
                 node.set_double_value(value)
+            engine.set_throttle(order.throttle)
             heading = yaw.get_double_value()
             c, s = cos(heading), sin(heading)
         if k in events:
