@@ -25,7 +25,7 @@ from monitor.settings import Settings, load
 from sim_feeds.airframe import AIRFRAMES
 from sim_feeds.faults import Fault, FaultKind, lu2016_table2
 from sim_feeds.flightplan import FlightPlan
-from sim_feeds.injection import Injection, RowInjector
+from sim_feeds.injection import Injection, RowInjector, load_injection
 from sim_feeds.papers.lu2016_validation import validation
 from sim_feeds.trajectory import fly
 
@@ -155,6 +155,17 @@ def test_the_response_to_an_oscillation(share: float, delay_s: float) -> None:
     assert found["swing_share"] == pytest.approx(share, rel=1e-6)
     assert min(found["swing_delay_s"], 4.0 - found["swing_delay_s"]) == pytest.approx(
         delay_s, abs=1e-6
+    )
+
+
+def test_the_file_of_table_2_has_its_faults() -> None:
+    path = Path(__file__).parents[3] / "docs" / "lu2016-table2.toml"
+    if not path.is_file():
+        pytest.skip("the documentation is not beside the tests")
+    t = np.linspace(0.0, 40.0, 801)
+    found = load_injection(path)
+    np.testing.assert_allclose(
+        faults_at(found.faults, t), faults_at(lu2016_table2(), t), atol=1e-12
     )
 
 
