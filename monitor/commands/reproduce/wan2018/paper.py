@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from monitor.commands.reproduce.study import Chapter, Job, Paper, Result, Results, Scope
-from monitor.commands.reproduce.wan2018 import residual, runaway, sensitivity, wind
+from monitor.commands.reproduce.wan2018 import parametric, residual, runaway, sensitivity, wind
 
 __all__ = ["PAPER"]
 
@@ -17,6 +17,7 @@ STUDIES = {
     "runaway": runaway,
     "residual": residual,
     "sensitivity": sensitivity,
+    "parametric": parametric,
 }
 """In the order of the paper; the first part of a job's name is its study."""
 
