@@ -63,11 +63,11 @@ def test_chapter_has_every_table_and_figure_of_the_paper(chapter):
 
 
 def test_what_the_note_found_is_found_again(results):
-    """Medians that an independent implementation has: 39.3 as printed, 47.8, clairvoyant 12.9."""
+    """Medians of 200 runs that an independent implementation has; these are of 16 runs."""
     found = Found(results)
-    assert found.spread("proposed", "a95").median == pytest.approx(39.3, rel=0.15)
-    assert found.spread("chi-square", "a95").median == pytest.approx(47.8, rel=0.25)
-    assert found.spread("clairvoyant", "a95").median == pytest.approx(12.9, rel=0.15)
+    noted = {"proposed": 39.3, "chi-square": 47.8, "rakf-channel": 46.6, "clairvoyant": 12.9}
+    for method, area in noted.items():
+        assert found.spread(method, "a95").median == pytest.approx(area, rel=0.3), method
     assert found.ratio("deployed", "clairvoyant").median < 1.4
     assert found.classic_apart < 1e-9
     assert np.max(found.units["with_apart"]) < 1e-8

@@ -73,7 +73,8 @@ def _summary(found: Found) -> str:
         f"is compared with ({NAMES[best]}; smaller in {against.below(1.0):.0%} of the runs) and "
         f"{printed.median:.2g} times that of a filter that knows which channels work. With the "
         f"all-faulty combination and a health memory of {DEPLOYED_MEMORY_S:g} s it is "
-        f"{own.median:.2g} times that one's (aim: {AIM:g}). The gain over the classic Kalman correction cannot be reproduced, because"
+        f"{own.median:.2g} times that one's (aim: {AIM:g}). The gain over the classic "
+        "Kalman correction cannot be reproduced, because"
         f" the two are the same filter. Of {len(held)} statements {held.count('holds')} hold, "
         f"{held.count('holds in part')} in part."
     )
