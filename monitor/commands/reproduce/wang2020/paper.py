@@ -65,18 +65,21 @@ def _summary(found: Found) -> str:
     against = found.ratio("proposed", best)
     order = "smaller" if against.median < 1.0 else "larger"
     held = [c.outcome for c in claims(found)]
+    classic = (
+        "The gain over the classic Kalman correction cannot be reproduced: the two are one filter. "
+        if "not reproducible" in held
+        else ""
+    )
     return (
         f"Rebuilt: the two-spool engine with failing channels, the proposed filter as printed and "
         f"with its corrections, and the three methods it is compared with, on {found.runs} seeds "
         f"where the paper shows one run. As printed the method's 95 % error ellipse is "
         f"{area.words()} %² (median and 10-90 %), {order} in the median than that of the best it "
         f"is compared with ({NAMES[best]}; smaller in {against.below(1.0):.0%} of the runs) and "
-        f"{printed.median:.2g} times that of a filter that knows which channels work. With the "
+        f"{printed.median:.3g} times that of a filter that knows which channels work. With the "
         f"all-faulty combination and a health memory of {DEPLOYED_MEMORY_S:g} s it is "
-        f"{own.median:.2g} times that one's (aim: {AIM:g}). The gain over the classic "
-        "Kalman correction cannot be reproduced, because"
-        f" the two are the same filter. Of {len(held)} statements {held.count('holds')} hold, "
-        f"{held.count('holds in part')} in part."
+        f"{own.median:.3g} times that one's (aim: {AIM:g}). {classic}Of {len(held)} statements "
+        f"{held.count('holds')} hold, {held.count('holds in part')} in part."
     )
 
 
