@@ -31,6 +31,7 @@ from monitor.commands.reproduce.lu2016.recorded_forms import (
 )
 from monitor.commands.reproduce.lu2016.recorded_names import (
     FOLLOWED,
+    MENDED,
     OWN_TIMES,
     OWN_TIMES_SLOW,
     PAPER,
@@ -112,6 +113,9 @@ def work(job: Job) -> Result:
     return out
 
 
+_MENDED: Final[dict[str, Any]] = {**PRINTED, "divide_by_dt": False, "detuning": 1.0}
+"""Neither the division by dt of (53), which contradicts (46), nor the dt^2 of (57)."""
+
 _BASE: Final = {FOLLOWED: PAPER, PIPELINE_FOLLOWED: PIPELINE}
 """Forms whose healthy recording is another form's."""
 
@@ -133,6 +137,7 @@ def _estimates(
     std = given.input_std(settings.imu, section.before_s)
     return {
         PAPER: filtered(slow, settings, std, interpolate=True, **PRINTED),
+        MENDED: filtered(slow, settings, std, interpolate=True, **_MENDED),
         PAPER_FAST: filtered(given, settings, std, interpolate=True, **PRINTED),
         OWN_TIMES_SLOW: filtered(slow, settings, std, interpolate=False),
         OWN_TIMES: filtered(given, settings, std, interpolate=False),

@@ -13,6 +13,7 @@ from monitor.commands.reproduce.study import Result
 __all__ = [
     "FOLLOWED",
     "FORMS",
+    "MENDED",
     "OWN_TIMES",
     "OWN_TIMES_SLOW",
     "PAPER",
@@ -29,6 +30,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 PAPER: Final = "interpolated, GPS 1 Hz"
+MENDED: Final = "interpolated, (53) and (57) mended"
 PAPER_FAST: Final = "interpolated, GPS 5 Hz"
 OWN_TIMES_SLOW: Final = "own times, GPS 1 Hz"
 OWN_TIMES: Final = "own times, GPS 5 Hz"
@@ -37,6 +39,7 @@ FOLLOWED: Final = "interpolated, attitude follows"
 PIPELINE_FOLLOWED: Final = "pipeline, attitude follows"
 FORMS: Final = (
     PAPER,
+    MENDED,
     PAPER_FAST,
     OWN_TIMES_SLOW,
     OWN_TIMES,

@@ -21,6 +21,7 @@ from monitor.commands.reproduce.lu2016.recorded_names import (
     FORMS,
     OWN_TIMES,
     PAPER,
+    PAPER_FAST,
     PIPELINE,
     PIPELINE_FOLLOWED,
     flights_of,
@@ -82,8 +83,9 @@ def _words(flights: Sequence[Result]) -> str:
         "model cannot be run: it is compared on synthetic recordings) and no vertical GPS speed. "
         "Its sensors have turn-on biases that no one injected, so errors are counted against what "
         "the same form says of the healthy recording; the table of healthy recordings has these. "
-        "“Interpolated” is the paper's form, “own times” what can be done in flight, “pipeline” "
-        "the monitor."
+        "“Interpolated” is the paper's form (“mended”: without the division of (53) by dt, which "
+        "contradicts (46), and without the dt² of (57)), “own times” what can be done in flight, "
+        "“pipeline” the monitor."
     )
 
 
@@ -328,11 +330,12 @@ def _figure_12(flights: Sequence[Result]) -> Figure:
 
 def _draw_bars(canvas: Canvas, flights: Sequence[Result]) -> None:
     axis = canvas.subplots()
-    width = 0.8 / len(FORMS)
-    for k, form in enumerate(FORMS):
+    forms = [form for form in FORMS if form != PAPER_FAST]
+    width = 0.8 / len(forms)
+    for k, form in enumerate(forms):
         heights = [median_of(r, form, "rmse")[0] for r in flights]
         hatch = "//" if form in (FOLLOWED, PIPELINE_FOLLOWED) else None
-        at = np.arange(len(flights)) + (k - 0.5 * len(FORMS) + 0.5) * width
+        at = np.arange(len(flights)) + (k - 0.5 * len(forms) + 0.5) * width
         axis.bar(at, heights, width, label=form, color=f"C{k}", hatch=hatch)
     axis.set_xticks(range(len(flights)), [r["flight"]["name"] for r in flights])
     axis.set_ylabel("RMSE of f_Ax [m/s²]")
