@@ -84,6 +84,9 @@ AEROSONDE_GAINS: Final = Gains(
     rudder_per_rad_s=0.4,
 )
 CLIMB_LIMIT_M_S: Final = 3.0
+SLOW: Final = 0.9
+GLIDE: Final = 2.0
+"""Below this share of the airspeed height is given up for it: sink per missing airspeed."""
 ROLL_IN_S: Final = 0.7
 """Time that rolling into a turn costs."""
 SHARPEST: Final = 2.4
@@ -157,6 +160,7 @@ class Pilot:
         aileron = g.aileron_per_rad * error + self._aileron_trim - g.aileron_per_rad_s * seen.p
 
         climb = _clip(g.climb_1_s * (self.height_m - seen.height_m), CLIMB_LIMIT_M_S)
+        climb -= GLIDE * max(SLOW * self.tas_m_s - seen.tas_m_s, 0.0)
         slow = climb - seen.climb_m_s
         self._pitch_trim = _clip(self._pitch_trim + g.pitch_per_m * slow * dt, g.pitch_limit_rad)
         pitch = _clip(g.pitch_per_m_s * slow + self._pitch_trim, g.pitch_limit_rad)

@@ -7,7 +7,7 @@ import pytest
 
 from sim_feeds.sixdof.engine import FOOT_M, Gauge, Gauges
 from sim_feeds.sixdof.loop import Gusts, Place, eyes, fly
-from sim_feeds.sixdof.pilot import Pilot
+from sim_feeds.sixdof.pilot import AEROSONDE_GAINS, Pilot
 from sim_feeds.sixdof.tuning import airborne, learned_gains, response
 from sim_feeds.von_karman import VonKarman
 from sim_feeds.wind import Route
@@ -94,3 +94,31 @@ def test_a_nudge_tells_sign_and_speed_of_a_control():
 def test_what_has_no_controls_is_told():
     with pytest.raises(ValueError, match="of ball does nothing at 60 m/s"):
         learned_gains("ball", tas_m_s=60.0, height_m=1000.0)
+
+
+def test_an_engine_that_is_cut_leaves_a_glide():
+    """The propeller windmills, height is given up for airspeed, and the wings stay level."""
+    engine = airborne("aerosonde", tas_m_s=25.0, height_m=400.0)
+    look = eyes(engine, Place(0.8, 0.1, 400.0))
+    pilot = Pilot(AEROSONDE_GAINS, [(9000.0, 0.0), (9000.0, 900.0), (0.0, 0.0)], 400.0, 25.0, 0.02)
+    still = np.zeros(round(80.0 / STEP_S))
+    kept = Gauges(engine, [*WATCHED, Gauge("prop", "propeller/speed-rad_sec")])
+    rows = fly(
+        engine,
+        lambda: pilot.steer(look()),
+        Gusts(still, still, still, still, still),
+        {round(30.0 / STEP_S): {"motor/R-ohm": 1e6, "motor/V-max": 0.0}},
+        kept,
+        control_every=4,
+        keep_from=0,
+        keep_every=20,
+    )
+    f = dict(zip(kept.names, rows.T, strict=True))
+    running, gliding = (f["t"] > 25.0) & (f["t"] < 30.0), f["t"] > 50.0
+    assert f["prop"][running].min() > 480.0
+    assert 150.0 < f["prop"][gliding].min() < f["prop"][gliding].max() < 400.0
+    assert f["tas"][gliding].min() > 18.0
+    assert np.abs(f["bank"][gliding]).max() < 5.0
+    sink = -np.diff(f["height"][gliding]) / np.diff(f["t"][gliding])
+    # By hand: drag of aircraft and windmilling propeller over weight, 10 to 25 % of the airspeed.
+    assert 0.1 * 19.0 < sink.mean() < 0.25 * 19.0
