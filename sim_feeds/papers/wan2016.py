@@ -6,6 +6,7 @@ winds it does not print stand in the file, each with its reason.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
 from importlib import resources
@@ -116,7 +117,7 @@ class Table1(Strict):
         *,
         faulty: bool = True,
         noise: str = "assumed",
-        turbulence: bool = True,
+        without: Collection[str] = (),
         scale: float = 1.0,
         onset_s: float | None = None,
     ) -> LongitudinalExperiment:
@@ -128,8 +129,8 @@ class Table1(Strict):
             Of the scenario.
         noise
             A set of the file.
-        turbulence
-            False leaves the wind's constant, ramps and gusts.
+        without
+            Kinds of wind that do not blow: "dryden" for turbulence, "ramp" for a steady wind.
         scale
             Multiplies the size or rate of the pitots' faults.
         onset_s
@@ -142,7 +143,7 @@ class Table1(Strict):
             faults += row.vanes.faults("aoa", start)
         if faulty and row.pitots:
             faults += row.pitots.faults("airspeed", start, scale)
-        parts = [p for p in self.wind[row.wind] if turbulence or p.kind != "dryden"]
+        parts = [p for p in self.wind[row.wind] if p.kind not in without]
         plan = flight_plan(row.speed_kt, row.height_ft)
         for leg in row.leg:
             leg.fly(plan)

@@ -2,12 +2,13 @@
 
 "ours" is :class:`estimators.triplex.Triplex` as it is deployed (exact model, ground speed measured,
 latch, remembered wind); "as printed" is the paper's own scheme: its simplified model without a
-ground speed measurement, and the fault logic word for word.
+ground speed measurement, and the fault logic word for word; "in flight" is the watch of the
+monitor (:mod:`.deployed`).
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +17,18 @@ from estimators.air_data_2d import APPROXIMATE
 from estimators.air_data_mhe import AirDataTuning
 from estimators.triplex import Triplex, TriplexRecord, TriplexTuning
 from monitor.commands.reproduce.study import Job, Result, Scope
+from monitor.commands.reproduce.wan2016.deployed import DeployedRecord, run_deployed
 from sim_feeds.faults import KNOT_M_S
 from sim_feeds.papers.wan import LongitudinalExperiment
 from sim_feeds.papers.wan2016 import table1
 
-__all__ = ["FORMS", "ONSETS_S", "SCALES", "jobs", "work"]
+__all__ = ["ALL_FORMS", "FORMS", "ONSETS_S", "SCALES", "jobs", "work"]
 
 Floats = NDArray[np.float64]
 
 PAPER: Final = "wan2016"
 FORMS: Final = ("ours", "as printed")
+ALL_FORMS: Final = (*FORMS, "in flight")
 SHOWN: Final = ("3", "7")
 """Scenarios whose course the paper draws (its Figs. 2 and 3)."""
 SCALES: Final = (0.4, 1.0, 2.0, 4.0, 10.0)
@@ -74,20 +77,27 @@ def work(job: Job) -> Result:
 
 def _scenario(name: str, seeds: range) -> Result:
     table, out = table1(), Result()
-    for faulty in (False, True):
-        runs: dict[str, list[Result]] = {form: [] for form in FORMS}
+    kinds: dict[str, dict[str, Any]] = {
+        "H": {"faulty": False},
+        "F": {},
+        "steady": {"without": ["ramp"]},
+    }
+    for key, options in kinds.items():
+        runs: dict[str, list[Result]] = {form: [] for form in ALL_FORMS}
         for seed in seeds:
-            flight = table.experiment(name, seed, faulty=faulty)
-            for form in FORMS:
-                record = _run(form, flight)
+            flight = table.experiment(name, seed, **options)
+            for form in ALL_FORMS:
+                record = _run(form, flight, seed)
                 runs[form].append(_judge(flight, record, table.onset_s))
-                if faulty and name in SHOWN and form == "ours" and seed == seeds[0]:
+                if key == "F" and name in SHOWN and form == "ours" and seed == seeds[0]:
                     out["course"] = _course(flight, record)
-        out["F" if faulty else "H"] = {form: _joined(runs[form]) for form in FORMS}
+        out[key] = {form: _joined(runs[form]) for form in ALL_FORMS}
     few = seeds[:4]
     quiet = [table.experiment(name, s, faulty=False, noise="quiet") for s in few]
     out["quiet"] = _joined([_healthy(flight) for flight in quiet])
-    smooth = [table.experiment(name, s, faulty=False, noise="quiet", turbulence=False) for s in few]
+    smooth = [
+        table.experiment(name, s, faulty=False, noise="quiet", without=["dryden"]) for s in few
+    ]
     out["smooth"] = _joined([_healthy(flight) for flight in smooth])
     return out
 
@@ -96,7 +106,10 @@ def _healthy(flight: LongitudinalExperiment) -> Result:
     return _judge(flight, _run("ours", flight), np.inf)
 
 
-def _run(form: str, flight: LongitudinalExperiment) -> TriplexRecord:
+def _run(form: str, flight: LongitudinalExperiment, seed: int = 0) -> Any:
+    """A record with ``alpha``, ``cas`` and ``faulty``."""
+    if form == "in flight":
+        return run_deployed(flight, seed)
     x0, theta = flight.x[0], flight.theta
     inertial = np.column_stack([theta[:, 0], flight.v_z_m_s])
     if form == "ours":
@@ -108,7 +121,9 @@ def _run(form: str, flight: LongitudinalExperiment) -> TriplexRecord:
     return triplex.run(inertial, flight.aoa_rad, flight.cas_m_s, theta)
 
 
-def _judge(flight: LongitudinalExperiment, record: TriplexRecord, onset_s: float) -> Result:
+def _judge(
+    flight: LongitudinalExperiment, record: TriplexRecord | DeployedRecord, onset_s: float
+) -> Result:
     """Errors, and for each of six sensors when it was flagged, and what became of it."""
     t = flight.t_s
     counts = t >= _FIRST_S
@@ -120,7 +135,7 @@ def _judge(flight: LongitudinalExperiment, record: TriplexRecord, onset_s: float
     first_s = np.where(found, t[flagged.argmax(axis=0)], np.nan)
     dropped = (np.diff(flagged.astype(int), axis=0) < 0).any(axis=0)
     return {
-        "errors": np.array([aoa.max(), aoa.mean(), cas.max(), cas.mean()]),
+        "errors": np.array([f(e) for e in (aoa, cas) for f in (np.nanmax, np.nanmean)]),
         "delay_s": np.where(broken, first_s - onset_s, np.nan),
         "blamed": found & ~broken,
         "blamed_at_s": np.where(found & ~broken, first_s - onset_s, np.nan),

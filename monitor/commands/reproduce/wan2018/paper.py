@@ -12,6 +12,10 @@ REFERENCE = (
     "Y. Wan, T. Keviczky: Real-time fault-tolerant moving horizon air data estimation for the "
     "RECONFIGURE benchmark. IEEE Transactions on Control Systems Technology 27(3), 997-1011, 2019."
 )
+INTRODUCTION = (
+    "Rebuilt are Figs. 2 to 6, Tables III and IV and Theorem 1, on a synthetic transport; the "
+    "paper's simulator, winds and part of its weights are not public."
+)
 STUDIES = {
     "wind": wind,
     "runaway": runaway,
@@ -39,7 +43,7 @@ def chapter(results: Results, scope: Scope) -> Chapter:
     return Chapter(
         TITLE,
         REFERENCE,
-        " ".join(study.summary(results) for study in studies),
+        " ".join([INTRODUCTION, *(study.summary(results) for study in studies)]),
         [block for study in studies for block in study.blocks(results, scope)],
         [claim for study in studies for claim in study.claims(results, scope)],
     )
