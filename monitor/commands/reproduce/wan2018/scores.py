@@ -95,7 +95,8 @@ def score(run: Run, w: LongitudinalExperiment, record: TriplexRecord) -> dict[st
         ``wrongly``, ``released`` (2, 3) bool: flagged without a fault; flagged and, with the fault
         still there, no longer.
         ``errors``: largest, mean and number of the absolute errors of alpha, and of the airspeed
-        while a pitot is left. ``memory``: see :data:`MEMORY_S`.
+        while a pitot is left. ``memory``: see :data:`MEMORY_S`. ``remembered_s``: how long after
+        the last pitot was lost the told deviation stayed below the threshold; None without a loss.
     """
     t, onset = w.t_s, run.onset_s
     broken = w.faulty.any(axis=0).reshape(2, 3)
@@ -121,6 +122,7 @@ def score(run: Run, w: LongitudinalExperiment, record: TriplexRecord) -> dict[st
             for name, e in (("alpha", alpha), ("cas", cas))
         },
         "memory": _memory(w, record, lost),
+        "remembered_s": _remembered_s(record, lost),
     }
 
 
@@ -146,3 +148,12 @@ def _memory(
         worst = float(error[use].max()) if n else 0.0
         rows.append([n, float(error[use].sum()), worst, int(inside[use].sum())])
     return rows
+
+
+def _remembered_s(record: TriplexRecord, lost: NDArray[np.bool_]) -> float | None:
+    """Time from the first loss of all pitots for which the airspeed was told to the threshold."""
+    if not lost.any():
+        return None
+    since = int(lost.argmax())
+    over = ~lost[since:] | (record.cas_std[since:] / UNITS[1] > CAS_TH_KT)
+    return float((int(over.argmax()) if over.any() else len(over)) * WAN_SAMPLE_S)

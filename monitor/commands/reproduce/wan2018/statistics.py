@@ -21,6 +21,7 @@ __all__ = [
     "errors_of",
     "judged_runs",
     "memory_of",
+    "remembered_s",
     "sensors_of",
 ]
 
@@ -67,8 +68,10 @@ class Channel:
         From the onset until the last sensor whose fault can be seen is found, one a run.
     waits_s : (n,)
         The same, each sensor counted from the moment from which its fault can be seen.
-    slowest, slowest_visible_s
-        Number of the run of the longest delay, and when its fault could first be seen.
+    visible_s : (n,)
+        From the onset until the fault of the sensor that is found last can be seen.
+    runs : (n,) int
+        Their numbers.
     """
 
     far: float
@@ -78,8 +81,13 @@ class Channel:
     released: float
     delays_s: Floats
     waits_s: Floats
-    slowest: int
-    slowest_visible_s: float
+    visible_s: Floats
+    runs: NDArray[np.int64]
+
+    @property
+    def slowest(self) -> int:
+        """Number of the run with the longest delay."""
+        return int(self.runs[self.delays_s.argmax()]) if len(self.runs) else -1
 
     @property
     def max_s(self) -> float:
@@ -118,8 +126,7 @@ def channel_of(runs: Sequence[Judged], scheme: str, ch: int) -> Channel:
     faulty = [r for r in runs if r["category"] != "healthy"]
     alarms = sum(bool(np.any(r["schemes"][scheme]["wrongly"][ch])) for r in healthy)
     missed = missed_all = wrong = released = 0
-    delays, waits = [], []
-    slowest, slowest_visible, longest = -1, np.nan, -1.0
+    delays, waits, since, numbers = [], [], [], []
     for r in faulty:
         s = r["schemes"][scheme]
         wrong += bool(np.any(s["wrongly"][ch]))
@@ -131,12 +138,10 @@ def channel_of(runs: Sequence[Judged], scheme: str, ch: int) -> Channel:
         missed += bool((seen & ~np.isfinite(found)).any())
         both = seen & np.isfinite(found)
         if both.any():
-            delay = float(found[both].max())
-            delays.append(delay)
+            delays.append(float(found[both].max()))
             waits.append(float(np.maximum(found - visible, 0.0)[both].max()))
-            if delay > longest:
-                longest, slowest = delay, int(r["number"])
-                slowest_visible = float(visible[both][found[both].argmax()])
+            since.append(float(visible[both][found[both].argmax()]))
+            numbers.append(int(r["number"]))
     return Channel(
         far=_percent(alarms, len(healthy)),
         mdr=_percent(missed, len(faulty)),
@@ -145,8 +150,8 @@ def channel_of(runs: Sequence[Judged], scheme: str, ch: int) -> Channel:
         released=_percent(released, len(faulty)),
         delays_s=np.asarray(delays),
         waits_s=np.asarray(waits),
-        slowest=slowest,
-        slowest_visible_s=slowest_visible,
+        visible_s=np.asarray(since),
+        runs=np.asarray(numbers, dtype=np.int64),
     )
 
 
@@ -174,6 +179,12 @@ def memory_of(runs: Sequence[Judged], scheme: str) -> Floats:
     some = np.maximum(n, 1.0)
     mean, inside = each[:, :, 1].sum(axis=0) / some, each[:, :, 3].sum(axis=0) / some
     return np.column_stack([n, mean, each[:, :, 2].max(axis=0), inside])
+
+
+def remembered_s(runs: Sequence[Judged], scheme: str) -> Floats:
+    """How long each run without a pitot told the airspeed to within the threshold (1 sigma)."""
+    times = [r["schemes"][scheme]["remembered_s"] for r in runs]
+    return np.array([t for t in times if t is not None])
 
 
 def sensors_of(
