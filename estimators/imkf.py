@@ -276,7 +276,7 @@ class IntermittentFilter:
             g=np.zeros(n),
             xj=np.zeros((leaves, n)),
             Pj=np.zeros((leaves, n, n)),
-            ln=np.zeros(leaves),
+            lnj=np.zeros(leaves),
             xi=np.zeros(leaves),
         )
         self.restart(x, P)

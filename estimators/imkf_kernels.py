@@ -77,7 +77,7 @@ class Memory(NamedTuple):
         The last finite input.
     xm, Pm, g : (n,), (n, n), (n,)
         Prediction; P c.
-    xj, Pj, ln, xi : (2^m, n), (2^m, n, n), (2^m,), (2^m,)
+    xj, Pj, lnj, xi : (2^m, n), (2^m, n, n), (2^m,), (2^m,)
         Conditional corrections, logarithm of prior times likelihood, weights.
     """
 
@@ -90,7 +90,7 @@ class Memory(NamedTuple):
     g: Array
     xj: Array
     Pj: Array
-    ln: Array
+    lnj: Array
     xi: Array
 
 
@@ -105,6 +105,12 @@ class Out(NamedTuple):
     none: Array
     status: Bytes
     xi: Array
+
+
+@kernel
+def ln(p: float) -> float:
+    """Logarithm of a probability; of none at all, minus infinity."""
+    return math.log(p) if p > 0.0 else -math.inf
 
 
 @kernel
@@ -140,20 +146,20 @@ def condition(model: Model, rules: Rules, s: Memory, y: Array) -> int:
     A channel that is not finite splits the hypotheses without correcting anything: it tells
     nothing. Returns how many channels told something.
     """
-    C, g, xj, Pj, ln = model.C, s.g, s.xj, s.Pj, s.ln
+    C, g, xj, Pj, lnj = model.C, s.g, s.xj, s.Pj, s.lnj
     n, m = C.shape[1], C.shape[0]
     for a in range(n):
         xj[0, a] = s.xm[a]
         for b in range(a + 1):
             Pj[0, a, b] = s.Pm[a, b]
-    ln[0] = 0.0
+    lnj[0] = 0.0
     leaves = 1
     seen = 0
     for i in range(m - 1, -1, -1):
         works = s.h[i]
         if rules.tau > 0.0:
             works = min(max(works, rules.floor), rules.ceiling)
-        ln_works, ln_fails = np.log(works), np.log(1.0 - works)
+        ln_works, ln_fails = ln(works), ln(1.0 - works)
         present = math.isfinite(y[i])
         if present:
             ln_works -= 0.5 * LN_2PI
@@ -177,14 +183,14 @@ def condition(model: Model, rules: Rules, s: Memory, y: Array) -> int:
                     gain = g[a] * inverse
                     for b in range(a + 1):
                         Pj[child, a, b] = Pj[j, a, b] - gain * g[b]
-                ln[child] = ln[j] + ln_works - 0.5 * (np.log(S) + nu * scaled)
+                lnj[child] = lnj[j] + ln_works - 0.5 * (math.log(S) + nu * scaled)
             else:
                 for a in range(n):
                     xj[child, a] = xj[j, a]
                     for b in range(a + 1):
                         Pj[child, a, b] = Pj[j, a, b]
-                ln[child] = ln[j] + ln_works
-            ln[j] += ln_fails
+                lnj[child] = lnj[j] + ln_works
+            lnj[j] += ln_fails
         leaves *= 2
     return seen
 
@@ -196,12 +202,12 @@ def merge(rules: Rules, s: Memory) -> float:
     Returns the logarithm of (14)'s denominator; not finite when no hypothesis is possible, and
     then the prediction becomes the estimate.
     """
-    x, P, xj, Pj, ln, xi = s.x, s.P, s.xj, s.Pj, s.ln, s.xi
-    n, leaves = x.shape[0], ln.shape[0]
+    x, P, xj, Pj, lnj, xi = s.x, s.P, s.xj, s.Pj, s.lnj, s.xi
+    n, leaves = x.shape[0], lnj.shape[0]
     top = -math.inf
     for j in range(rules.first, leaves):
-        if ln[j] > top:
-            top = ln[j]
+        if lnj[j] > top:
+            top = lnj[j]
     possible = math.isfinite(top)
     for a in range(n):
         x[a] = 0.0 if possible else s.xm[a]
@@ -209,9 +215,8 @@ def merge(rules: Rules, s: Memory) -> float:
             P[a, b] = 0.0 if possible else s.Pm[a, b]
     den = 0.0
     for j in range(leaves):
-        behind = ln[j] - top
-        likely = possible and j >= rules.first and behind > UNDERFLOW
-        xi[j] = math.exp(behind) if likely else 0.0
+        likely = possible and j >= rules.first and lnj[j] - top > UNDERFLOW
+        xi[j] = math.exp(lnj[j] - top) if likely else 0.0
         den += xi[j]
     if not possible:
         return top
@@ -237,7 +242,7 @@ def merge(rules: Rules, s: Memory) -> float:
 def run(model: Model, rules: Rules, s: Memory, u: Array, y: Array, out: Out) -> None:
     """Algorithm 1 over the rows of u and y: ``u[k]`` leads to the sample at which ``y[k]`` is."""
     n, m = model.A.shape[0], model.C.shape[0]
-    leaves = s.ln.shape[0]
+    leaves = s.lnj.shape[0]
     for k in range(y.shape[0]):
         status = OK
         for i in range(u.shape[1]):

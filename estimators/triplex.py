@@ -32,6 +32,10 @@ Differs, each for a reason that a simulated flight shows:
   jumped against the prediction and the other has not, the jump is wrong. When all crept, a sensor
   is confirmed only if it disagrees with the remembered wind more than the fused value does, and
   when the fused value disagrees far more, those who made it are confirmed.
+* The same memory finds a step of all that are left, which a wind that may change by 15 kt/s takes
+  up before J can tell: each has sprung, and stays away from the remembered wind.
+* A sensor that repeats itself, or leaps to and fro, is found by that
+  (:mod:`estimators.triplex_signs`).
 * The wind is confined to a band about its value ``change_base_s`` ago, which gives the bound on its
   rate a time base.
 """
@@ -60,6 +64,7 @@ from estimators.triplex_run import (
     residual_rms,
     triplex_run,
 )
+from estimators.triplex_signs import SIGNS
 from estimators.triplex_tuning import TriplexRecord, TriplexTuning
 
 __all__ = [
@@ -106,8 +111,9 @@ class Triplex:
         t_s = self.estimator.tuning.t_s
         self._cov = np.diag(self.estimator.table[ROW_P])
         self._par = self.tuning.parameters(t_s)
-        self._rings = np.zeros((3, 2, 3, self.tuning.N_eval))
-        self._memory = np.zeros(48)
+        self._rings = np.zeros((5, 2, 3, self.tuning.N_eval))
+        self._signs = np.zeros((2, 3, SIGNS))
+        self._memory = np.zeros(61)
         self._winds = np.zeros((2, int(self.history_s / t_s)))
 
     @classmethod
@@ -137,8 +143,9 @@ class Triplex:
         triplex_run(
             t.model, t.t_s, e.table, self._par, 0.0 if t.converged else t.kappa, t.n_kappa, t.n_qp,
             t.sqp_iterations, t.N, e.window, e.work, self.filtering, self._cov, self._rings,
-            self._memory, self._winds, np.ascontiguousarray(inertial), np.ascontiguousarray(vanes),
-            np.ascontiguousarray(pitots), np.ascontiguousarray(theta), record,
+            self._signs, self._memory, self._winds, np.ascontiguousarray(inertial),
+            np.ascontiguousarray(vanes), np.ascontiguousarray(pitots),
+            np.ascontiguousarray(theta), record,
         )  # fmt: skip
         return TriplexRecord(
             x=record[:, R_X],

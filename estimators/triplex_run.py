@@ -19,6 +19,8 @@ from estimators.air_data_mhe import (
 from estimators.jit import kernel
 from estimators.mhe import SOLVED
 from estimators.triplex_ekf import ekf_predict_covariance, ekf_update, forget
+from estimators.triplex_return import like_the_others, met_the_held_wind
+from estimators.triplex_signs import NO_SIGN, own_sign, quiet
 from estimators.triplex_tuning import (
     P_BASE,
     P_CHANGE_X,
@@ -31,8 +33,10 @@ from estimators.triplex_tuning import (
     P_LATCH,
     P_MARGIN,
     P_MARGIN_ONE,
+    P_MEMORY,
     P_N_D,
     P_N_EVAL,
+    P_NOISY,
     P_REF_DELAY,
     P_REF_MEAN,
     P_SPREAD,
@@ -62,10 +66,12 @@ Array = NDArray[np.float64]
 
 CH_ALPHA, CH_CAS = 0, 1
 
-JUMP_S = 3.0
-"""Time in which a jump of a sensor against the prediction is forgotten [s]."""
+JUMP_S, BACK_S = 10.0, 3.0
+"""Time in which the jump with which a sensor left, or came back, is forgotten [s]."""
 ESTIMATE_LAG_S = 1.0
 """Time by which the horizon's wind lags behind a ramp at the paper's weights [s]."""
+WALK_BASE_S, WALK_MEAN_S = 10.0, 60.0
+"""Base of the changes of wind from which its walk is learnt, and time over which, s."""
 FROZEN_VAR = 1e-12
 """Arrival and process variance of a held wind component [m^2/s^2]: it does not move."""
 
@@ -84,6 +90,16 @@ def residual_rms(ring: Array, count: int) -> float:
     for k in range(count):
         total += ring[k] * ring[k]
     return math.sqrt(total / max(count, 1))
+
+
+@kernel
+def leap_of(ring: Array, k: int) -> float:
+    """Mean of a ring's last three values less that of the three before; ``k`` is the newest."""
+    n = ring.size
+    leap = 0.0
+    for e in range(3):
+        leap += (ring[(k - e) % n] - ring[(k - 3 - e) % n]) / 3.0
+    return leap
 
 
 @kernel
@@ -112,8 +128,8 @@ def fuse(value: Array, J: Array, use: Array, M: Array) -> tuple[float, float, bo
 def triplex_run(
     model: int, t_s: float, tuning: Array, par: Array, kappa: float, n_kappa: int, n_qp: int,
     n_sqp: int, N: int, window: Array, work: Array, filtering: bool, cov: Array, rings: Array,
-    memory: Array, winds: Array, inertial: Array, vanes: Array, pitots: Array, theta_rows: Array,
-    record: Array,
+    signs: Array, memory: Array, winds: Array, inertial: Array, vanes: Array, pitots: Array,
+    theta_rows: Array, record: Array,
 ) -> None:  # fmt: skip
     """Run fusion, estimation and fault logic over the rows of a flight.
 
@@ -121,13 +137,16 @@ def triplex_run(
     ----------
     model .. n_sqp, N, window, work
         As in :func:`estimators.air_data_mhe.mhe_step`.
-    par : (19,) float64
+    par : (21,) float64
         :meth:`TriplexTuning.parameters`.
     filtering : bool
         Whether an EKF with covariance ``cov`` (4, 4) takes the place of the horizon.
-    rings : (3, 2, 3, N_eval) float64, updated
-        Residuals against the prediction, against the remembered wind, and raised flags.
-    memory : (48,) float64, updated
+    rings : (5, 2, 3, N_eval) float64, updated
+        Residuals against the prediction, against the remembered wind, raised flags, squared
+        second differences, and readings.
+    signs : (2, 3, SIGNS) float64, updated
+        See :mod:`estimators.triplex_signs`.
+    memory : (61,) float64, updated
         Counters, latches and held winds; see the slices below.
     winds : (2, S) float64, updated
         Ring of the wind estimate (W_x, W_z), one column per sample.
@@ -153,7 +172,12 @@ def triplex_run(
     rate = memory[27:29]  # its trend
     rate_var = memory[29:31]  # the trends' variance
     parted_s = memory[31:33]  # time since the sensors parted, per wind component
-    jump = memory[33:39].reshape(2, 3)  # largest jump of the last seconds, forgotten in 3 s
+    jump = memory[33:39].reshape(2, 3)  # largest jump of the last seconds
+    left = memory[39:45].reshape(2, 3)  # the jump with which a latched one left
+    walk_var = memory[45:47]  # variance of the wind's change per sample, learnt
+    back = memory[47:53].reshape(2, 3)  # largest jump of the last seconds since it was latched
+    sprung = memory[53:59].reshape(2, 3)  # largest jump of the reading itself
+    stepped = memory[59:61]  # samples for which all that are left have been away by a jump
     W_now = np.empty(2)
     J = np.empty((2, 3))
     M = np.empty((2, 3))
@@ -181,6 +205,7 @@ def triplex_run(
         if k == 0:
             W_ref[0] = x[N - 1, 2]
             W_ref[1] = x[N - 1, 3]
+            walk_var[0] = walk_var[1] = par[P_WALK] * par[P_WALK]
         y_new[0] = inertial[row, 0]
         y_new[1] = inertial[row, 1]
         use_new[0] = use_new[1] = 1.0
@@ -208,17 +233,25 @@ def triplex_run(
                 silent = not np.isfinite(v)
                 rings[0, ch, i, slot] = 2.0 * limit if silent else v - predicted
                 rings[1, ch, i, slot] = 2.0 * limit if silent else v - remembered
+                rings[4, ch, i, slot] = 0.0 if silent else v
                 J[ch, i] = max(residual_rms(rings[0, ch, i], seen), par[P_FLOOR] * limit)
                 M[ch, i] = residual_rms(rings[1, ch, i], seen)
                 above = J[ch, i] > limit
                 jump[ch, i] *= 1.0 - t_s / JUMP_S
                 if k >= 6:
-                    leap = 0.0
-                    for e in range(3):
-                        leap += rings[0, ch, i, (k - e) % n_eval] / 3.0
-                        leap -= rings[0, ch, i, (k - 3 - e) % n_eval] / 3.0
+                    leap = leap_of(rings[0, ch, i], k)
                     jump[ch, i] = max(jump[ch, i], abs(leap))
+                    back[ch, i] = max((1.0 - t_s / BACK_S) * back[ch, i], abs(leap))
+                    leap = leap_of(rings[4, ch, i], k)
+                    sprung[ch, i] = max((1.0 - t_s / BACK_S) * sprung[ch, i], abs(leap))
                 rings[2, ch, i, slot] = 1.0 if above else 0.0
+                if not silent:
+                    sign = own_sign(v, par[P_NOISY], limit, rings[3, ch, i], signs[ch, i])
+                    if sign != NO_SIGN and not latched[ch, i]:
+                        latched[ch, i] = 1.0
+                        peak[ch, i] = J[ch, i]
+                        left[ch, i] = 0.0
+                        calm[ch, i] = back[ch, i] = 0.0
                 use_sensor[ch, i] = 0.0 if above or silent or latched[ch, i] else 1.0
                 if not latched[ch, i]:
                     mean = 0.0
@@ -247,7 +280,7 @@ def triplex_run(
                     llr = M[ch, i] * M[ch, i] - M_fused * M_fused
                     # who jumped is wrong; when all crept the memory has the word
                     own = jump[ch, i]
-                    if own > 0.5 * limit and own > 2.0 * leapt:
+                    if par[P_MEMORY] == 0.0 or (own > 0.5 * limit and own > 2.0 * leapt):
                         guilty = True
                     elif leapt > 0.5 * limit and leapt > 2.0 * own:
                         guilty = False
@@ -258,26 +291,43 @@ def triplex_run(
                     if guilty:
                         latched[ch, i] = 1.0
                         peak[ch, i] = J[ch, i]
-                        calm[ch, i] = 0.0
+                        left[ch, i] = own
+                        calm[ch, i] = back[ch, i] = 0.0
+            # a step of all that are left, which the wind may have taken up before J could tell
+            away = par[P_MEMORY] == 1.0
+            n_left = 0
+            for i in range(3):
+                if not latched[ch, i]:
+                    n_left += 1
+                    away = away and M[ch, i] > limit and sprung[ch, i] > 0.5 * limit
+            stepped[ch] = stepped[ch] + 1.0 if away and n_left > 0 else 0.0
+            if stepped[ch] >= par[P_N_D]:
+                for i in range(3):
+                    if not latched[ch, i]:
+                        latched[ch, i] = 1.0
+                        peak[ch, i] = M[ch, i]
+                        left[ch, i] = sprung[ch, i]
+                        calm[ch, i] = back[ch, i] = 0.0
             if majority_wrong:
                 # the wind that the others ask for, from the last samples against the memory
                 w = 3 - ch
                 apart = 0.0
-                left = 0.0
+                others = 0.0
                 for i in range(3):
                     if use_sensor[ch, i] == 1.0:
                         latched[ch, i] = 1.0
                         peak[ch, i] = M[ch, i]
-                        calm[ch, i] = 0.0
+                        left[ch, i] = jump[ch, i]
+                        calm[ch, i] = back[ch, i] = 0.0
                         rings[0, ch, i, :] = rings[1, ch, i, :]
                     elif not latched[ch, i]:
-                        left += 1.0
+                        others += 1.0
                         for e in range(seen):
                             apart += rings[1, ch, i, e] / seen
                         rings[0, ch, i, :] = 0.0
                         rings[2, ch, i, :] = 0.0
                 use_new[2 + ch] = 0.0
-                apart /= max(left, 1.0)
+                apart /= max(others, 1.0)
                 seed = W_now[1 - ch] - (apart if ch == 1 else apart * th[0])
                 for j in range(N):
                     x[j, w] = seed
@@ -291,29 +341,28 @@ def triplex_run(
             sigma = 0.0
             if lost[ch] == 1.0:
                 since[ch] += 1.0
-                sigma = par[P_WALK] * math.sqrt(since[ch])
+                sigma = math.sqrt(walk_var[1 - ch] * since[ch])
                 if ch == 0:
                     sigma /= max(th[0], 1.0)
+            share = par[P_CLEAR_SHARE]
             for i in range(3):
                 if not latched[ch, i]:
                     continue
                 peak[ch, i] = max(peak[ch, i], J[ch, i])
-                level = par[P_CLEAR_SHARE] * limit
-                good = J[ch, i] <= level
                 if lost[ch] == 1.0:
-                    level = min(level + 3.0 * sigma, 0.5 * peak[ch, i])
-                    friends = 0
-                    for j in range(3):
-                        if (
-                            j != i
-                            and abs(value[ch, i] - value[ch, j]) <= par[P_CLEAR_SHARE] * limit
-                        ):
-                            friends += 1
                     offset = -(value[ch, i] - h[2 + ch])  # wind that would explain it
                     if ch == 0:
                         offset *= -th[0]
                     wind = held[1 - ch] + offset
-                    good = J[ch, i] <= level and friends > 0 and tuning[3, w] < wind < tuning[4, w]
+                    good = tuning[3, w] < wind < tuning[4, w] and met_the_held_wind(
+                        i, J[ch], value[ch], limit, share, sigma, peak[ch, i], left[ch, i],
+                        back[ch, i], calm[ch, i] > 0.0,
+                    )  # fmt: skip
+                else:
+                    good = like_the_others(
+                        i, J[ch], use_sensor[ch], rings[0, ch], seen, limit, share
+                    )
+                good = good and quiet(limit, signs[ch, i])
                 calm[ch, i] = calm[ch, i] + 1.0 if good else 0.0
                 if calm[ch, i] >= par[P_CLEAR] or par[P_LATCH] == 0.0:
                     raised = 0.0
@@ -321,24 +370,25 @@ def triplex_run(
                         raised += rings[2, ch, i, e]
                     if par[P_LATCH] == 1.0 or raised < par[P_N_D]:
                         latched[ch, i] = 0.0
-                        rings[2, ch, i, :] = 0.0
                         faulty -= 1.0
+                        if par[P_LATCH] == 1.0:
+                            rings[2, ch, i, :] = 0.0
             if faulty == 3.0 and lost[ch] == 0.0:
                 lost[ch] = 1.0
                 since[ch] = 0.0
                 if par[P_LATCH] == 1.0:
                     newest = (k - 1) % S
-                    back = x[0, w]
+                    before = x[0, w]
                     if k > 0:
                         bound = min(tuning[4, w], 1e6)
                         change = par[P_CHANGE_X] if ch == 1 else par[P_CHANGE_Z]
-                        back = roll_back(
+                        before = roll_back(
                             winds[1 - ch], newest, min(k, S), t_s, bound, int(par[P_BASE]), change
                         )
-                    held[1 - ch] = back
+                    held[1 - ch] = before
                     for j in range(N):
-                        x[j, w] = back
-                    x_prior[w] = back
+                        x[j, w] = before
+                    x_prior[w] = before
                     u[:, w] = 0.0
                     forget(cov, w, FROZEN_VAR)
                 else:
@@ -346,7 +396,7 @@ def triplex_run(
             elif faulty < 3.0:
                 if lost[ch] == 1.0:
                     calm_var = par[P_GUST_X if ch == 1 else P_GUST_Z] ** 2
-                    forget(cov, w, calm_var + par[P_WALK] ** 2 * since[ch])
+                    forget(cov, w, calm_var + walk_var[1 - ch] * since[ch])
                 lost[ch] = 0.0
             if lost[ch] == 1.0:
                 use_new[2 + ch] = 0.0
@@ -369,6 +419,12 @@ def triplex_run(
                     rate[1 - ch], rate_var[1 - ch] = trend(
                         winds[1 - ch], at, min(at + 1, S), t_s, rate_var[1 - ch]
                     )
+                walk_base = int(WALK_BASE_S / t_s)
+                if k > walk_base:
+                    change = winds[1 - ch, (k - 1) % S] - winds[1 - ch, (k - 1 - walk_base) % S]
+                    gain = t_s / WALK_MEAN_S
+                    walk_var[1 - ch] += gain * (change * change / walk_base - walk_var[1 - ch])
+                    walk_var[1 - ch] = max(walk_var[1 - ch], par[P_WALK] * par[P_WALK])
             else:
                 parted_s[1 - ch] += t_s
                 if lost[ch] == 1.0:
@@ -407,9 +463,11 @@ def triplex_run(
         linearise(model, x[N - 1], zero, th, air, t_s, F, jac[0], jac[1], h, jac[2])
         out[R_ALPHA] = h[2]
         out[R_CAS] = h[3]
-        walk = par[P_WALK]
-        wz = math.hypot(par[P_GUST_Z], walk * math.sqrt(since[0])) if lost[0] == 1.0 else 0.0
-        wx = math.hypot(par[P_GUST_X], walk * math.sqrt(since[1])) if lost[1] == 1.0 else 0.0
+        wx = wz = 0.0
+        if lost[0] == 1.0:
+            wz = math.hypot(par[P_GUST_Z], math.sqrt(walk_var[1] * since[0]))
+        if lost[1] == 1.0:
+            wx = math.hypot(par[P_GUST_X], math.sqrt(walk_var[0] * since[1]))
         out[R_ALPHA_STD] = math.hypot(math.sqrt(tuning[2, 2]), wz / max(th[0], 1.0))
         out[R_CAS_STD] = math.hypot(math.sqrt(tuning[2, 3]), wx)
         out[R_STATUS] = status

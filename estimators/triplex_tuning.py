@@ -29,13 +29,17 @@ P_N_EVAL, P_N_D, P_FLOOR, P_CLEAR_SHARE, P_CLEAR, P_LATCH, P_BASE, P_CHANGE_X, P
 P_WALK, P_GUST_X, P_GUST_Z, P_MARGIN, P_REF_DELAY, P_REF_MEAN, P_SPREAD, P_TH_A, P_TH_V = range(
     9, 18
 )
-P_MARGIN_ONE = 18
-P_SIZE = 19
+P_MARGIN_ONE, P_MEMORY, P_NOISY = 18, 19, 20
+P_SIZE = 21
 
 
 @dataclass(frozen=True)
 class TriplexTuning:
     """Thresholds and times of the fault logic.
+
+    ``latch``, ``memory`` and a finite ``noisy`` are what this logic adds to the paper's: a found
+    sensor stays found, the remembered wind and jumps decide between sensors, and a sensor's own
+    noise or standstill is a sign. :meth:`as_printed` has none of them.
 
     ``J_th``, ``N_eval`` are the paper's; ``n_D`` and the rest were chosen on synthetic longitudinal
     flights in wind ramps and turbulence of up to 3.5 m/s rms. The remembered wind walks by
@@ -59,6 +63,14 @@ class TriplexTuning:
     reference_delay_s: float = 0.5
     reference_mean_s: float = 1.0
     spread_share: float = 0.2
+    memory: bool = True
+    noisy: float = 3.0
+
+    @classmethod
+    def as_printed(cls) -> TriplexTuning:
+        """The paper's own logic: flags follow (18) alone, and the wind has no band."""
+        free = (math.inf, math.inf)
+        return cls(latch=False, memory=False, noisy=math.inf, wind_change_m_s=free)
 
     def parameters(self, t_s: float) -> Array:
         """The kernel's parameter array; times in samples of ``t_s``."""
@@ -74,6 +86,7 @@ class TriplexTuning:
         out[P_REF_DELAY] = round(self.reference_delay_s / t_s)
         out[P_REF_MEAN] = round(self.reference_mean_s / t_s)
         out[P_SPREAD] = self.spread_share
+        out[P_MEMORY], out[P_NOISY] = self.memory, self.noisy
         out[P_TH_A], out[P_TH_V] = self.alpha_threshold_rad, self.cas_threshold_m_s
         return out
 

@@ -27,7 +27,9 @@ from links.vocabulary import GYRO_ACC_AXES
 from sim_feeds.airframe import AIRFRAMES, Airframe
 from sim_feeds.closed_loop_autopilot import Autopilot, Order, Steering
 from sim_feeds.closed_loop_vehicle import Vehicle
+from sim_feeds.closed_loop_vehicle import Wind as Wind3
 from sim_feeds.faults import Fault, FaultKind
+from sim_feeds.gusts import linear_response
 from sim_feeds.papers.lu2016 import LU2016_AIR_STD, LU2016_GROUND_STD, LU2016_U_STD
 from sim_feeds.papers.streams import FAULT_STREAM, NOISE_STREAM
 from sim_feeds.trajectory import SEED_OF_WIND
@@ -189,7 +191,7 @@ def fly_closed(
     """
     n = round(task.duration_s * task.rate_hz)
     dt = 1.0 / task.rate_hz
-    t = np.arange(n + 1) * dt
+    t: Floats = np.arange(n + 1, dtype=np.float64) * dt
     f = _added(faults, t, seed)
     rng = np.random.default_rng([seed, NOISE_STREAM])
     u_noise, ground_noise, air_noise = (
@@ -197,16 +199,16 @@ def fly_closed(
         for std in (LU2016_U_STD, LU2016_GROUND_STD, LU2016_AIR_STD)
     )
     winds = _winds(task, n, seed)
-    wind_rows = [(a, b, c) for a, b, c in winds.tolist()]
+    wind, felt = (_rows(w) for w in (winds, _felt(task, winds)))
     vehicle = Vehicle.trimmed(
-        task.airframe, task.speed_m_s, task.height_m, task.heading_rad, wind_rows[0], task.lat_rad
+        task.airframe, task.speed_m_s, task.height_m, task.heading_rad, felt[0], task.lat_rad
     )
     pilot = Autopilot(vehicle, task.orders, task.speed_m_s)
     truth = np.empty((n + 1, 20))
     u_m, y_ground, y_air = (np.empty((n + 1, 6)) for _ in range(3))
     lost_s = None
     for k in range(n + 1):
-        m = vehicle.motion(wind_rows[2 * k])
+        m = vehicle.motion(wind[2 * k], felt[2 * k])
         truth[k] = (*m.x, *m.u, *m.air, *m.flow, *m.place)
         x, u = truth[k, :6], truth[k, 6:12]
         u_m[k] = u + f[k] + u_noise[k]
@@ -222,7 +224,7 @@ def fly_closed(
         )
         command = pilot.steer(moment.t_s, reconstruct(moment), dt)
         if k < n:
-            vehicle.step(command, (*wind_rows[2 * k : 2 * k + 3],), dt)
+            vehicle.step(command, (felt[2 * k], felt[2 * k + 1], felt[2 * k + 2]), dt)
     angles = truth[:, 3:6]
     return ClosedFlight(
         t_s=t,
@@ -242,10 +244,21 @@ def fly_closed(
 
 def _winds(task: Task, n: int, seed: int) -> Floats:
     """Wind along the straight path, at every sample and half way between: (2 n + 1, 3)."""
-    half = np.arange(2 * n + 1) * (0.5 / task.rate_hz)
+    half: Floats = np.arange(2 * n + 1, dtype=np.float64) * (0.5 / task.rate_hz)
     one = np.ones_like(half)
     route = Route(half, task.height_m * one, task.speed_m_s * one, task.heading_rad * one)
     return task.wind.velocity(route, np.random.default_rng([seed, SEED_OF_WIND]))
+
+
+def _felt(task: Task, winds: Floats) -> Floats:
+    """The wind as wing and tail average it, a lag of their length over the airspeed."""
+    follow = task.speed_m_s / task.airframe.gust_length_m * np.eye(3)
+    felt, _ = linear_response(-follow, follow, winds, 0.5 / task.rate_hz, winds[0])
+    return felt
+
+
+def _rows(winds: Floats) -> list[Wind3]:
+    return [(a, b, c) for a, b, c in winds.tolist()]
 
 
 def _added(faults: Sequence[Fault], t_s: Floats, seed: int) -> Floats:

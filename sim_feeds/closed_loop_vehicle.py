@@ -143,15 +143,24 @@ class Vehicle:
         """P of (1) at this height [1/rad]."""
         return self._pressure(speed_m_s)[0]
 
-    def motion(self, wind: Wind) -> Motion:
-        """What is so now, in this wind."""
+    def motion(self, wind: Wind, felt: Wind) -> Motion:
+        """What is so now.
+
+        Parameters
+        ----------
+        wind
+            At the nose, where the flow is measured.
+        felt
+            Averaged over wing and tail, which make the forces.
+        """
         s = self.state
-        air, flow, force = self._air(s, wind)
+        air, flow, _ = self._air(s, wind)
+        _, _, force = self._air(s, felt)
         x = (s[_UN], s[_UE], s[_UD], s[_PHI], s[_THETA], s[_PSI])
         return Motion(x, air, flow, (*force, s[_P], s[_Q], s[_R]), (s[_LAT], s[_H]))
 
     def step(self, command: Controls, winds: tuple[Wind, Wind, Wind], dt_s: float) -> None:
-        """Move on under held commands; the wind at the start, the middle and the end."""
+        """Move on under held commands; the felt wind at the start, the middle and the end."""
         s = self.state
         k1 = self._rates(s, command, winds[0])
         k2 = self._rates(_ahead(s, k1, 0.5 * dt_s), command, winds[1])

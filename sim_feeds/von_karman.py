@@ -38,9 +38,28 @@ from numpy.typing import NDArray
 from sim_feeds.gusts import discrete_noise, linear_response, recurrence
 from sim_feeds.wind import Dryden, Route
 
-__all__ = ["LATERAL", "LONGITUDINAL", "AirRotation", "Shaping", "VonKarman", "rotation_of_the_air"]
+__all__ = [
+    "LATERAL",
+    "LONGITUDINAL",
+    "AirRotation",
+    "Shaping",
+    "VonKarman",
+    "exact_density",
+    "rotation_of_the_air",
+]
 
 Floats = NDArray[np.float64]
+
+
+def exact_density(x: Floats, *, lateral: bool) -> Floats:
+    """One-sided spectrum in units of sigma^2 T at x = omega T; ``lateral`` is also vertical.
+
+    Source: MIL-F-8785C section 3.7.1.1.
+    """
+    y2 = np.square(1.339 * np.asarray(x))
+    if lateral:
+        return np.asarray((1.0 + 8.0 / 3.0 * y2) / (1.0 + y2) ** (11.0 / 6.0) / pi)
+    return np.asarray(2.0 / pi / (1.0 + y2) ** (5.0 / 6.0))
 
 
 @dataclass(frozen=True, slots=True)

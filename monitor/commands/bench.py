@@ -33,6 +33,8 @@ LIVE_IMU_HZ = 200.0
 NAMES = {
     "air": ("mhe_step_n3", "mhe_stage_n100_over_n10", "mhe_converged_n10"),
     "imu": ("atsekf_step",),
+    "engine": ("imkf_step",),
+    "wing": ("mhmap_n50", "mhmap_n200"),
     "links": ("decode_tlog", "decode_live", "udp_roundtrip"),
     "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms"),
 }
@@ -104,6 +106,14 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import air
 
         cases += air.cases()
+    if set(wanted) & set(NAMES["engine"]):
+        from monitor.commands.bench_cases import engine
+
+        cases += engine.cases()
+    if set(wanted) & set(NAMES["wing"]):
+        from monitor.commands.bench_cases import wing
+
+        cases += wing.cases()
     log = log or _synthetic(folder)
     if not log.is_file():
         raise Refused(f"cannot read {log}")
@@ -183,7 +193,8 @@ def _measured(case: BenchCase, seconds: float) -> dict[str, Any]:
     if case.value is not None:
         measured = case.value()
         if isinstance(measured, Measured):
-            result["median_us"], result["p99_us"] = measured.median_us, measured.p99_us
+            if measured.median_us is not None:
+                result["median_us"], result["p99_us"] = measured.median_us, measured.p99_us
             note, measured = " ".join(filter(None, (note, measured.note))), measured.value
         result["value"] = measured
     if note:

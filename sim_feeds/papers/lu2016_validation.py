@@ -49,14 +49,16 @@ class ClosedLoopSection(Strict):
     """Sections 3.2 and 3.3 of the paper."""
 
     winds: tuple[Air, ...]
+    quick_winds: tuple[Air, ...]
     seeds: tuple[int, ...] = Field(min_length=1)
     quick_seeds: tuple[int, ...] = Field(min_length=1)
     tuning_seeds: tuple[int, ...] = Field(description="On which the autopilot was tuned.")
     flight: ClosedLoopFlight
 
-    def chosen(self, quick: bool) -> tuple[int, ...]:
-        """Seeds of the version asked for."""
-        return self.quick_seeds if quick else self.seeds
+    def chosen(self, quick: bool) -> list[tuple[Air, int]]:
+        """Winds and seeds of the version asked for."""
+        winds, seeds = (self.quick_winds, self.quick_seeds) if quick else (self.winds, self.seeds)
+        return [(wind, seed) for wind in winds for seed in seeds]
 
 
 class RecordedFlight(Strict):
@@ -75,12 +77,11 @@ class RecordedSection(Strict):
     before_s: float = Field(gt=0.0)
     after_s: float = Field(gt=0.0)
     step_s: float = Field(gt=0.0)
-    quick_step_s: float = Field(gt=0.0)
     gps_hz: float = Field(gt=0.0)
     flight: tuple[RecordedFlight, ...]
 
     def onsets_s(self, flight: RecordedFlight, duration_s: float, *, quick: bool) -> list[float]:
-        """Where faults begin: once every step as long as they end in the healthy part.
+        """Where faults begin: that of the figures, and once every step in the healthy part.
 
         Parameters
         ----------
@@ -89,12 +90,12 @@ class RecordedSection(Strict):
         duration_s
             Of its recording.
         quick
-            With the wider step.
+            That of the figures only.
         """
         last = min(duration_s, flight.healthy_until_s or duration_s) - self.after_s - self.fault_s
-        step = self.quick_step_s if quick else self.step_s
-        count = int((last - self.before_s) // step) + 1
-        return [self.before_s + k * step for k in range(max(count, 0))]
+        count = 0 if quick else int((last - self.before_s) // self.step_s) + 1
+        even = [self.before_s + k * self.step_s for k in range(max(count, 0))]
+        return sorted({flight.shown_s, *even})
 
 
 class Validation(Strict):

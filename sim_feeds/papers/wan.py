@@ -1,4 +1,4 @@
-"""The simulated experiments of wan2018 and wan2016, as arrays.
+"""The simulated longitudinal experiments of wan2018 and wan2016, as arrays.
 
 The papers' aircraft (their own simulators) are not public; these flights have their speeds,
 durations, sampling and the faults of their tables.
@@ -13,20 +13,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_feeds import earth
 from sim_feeds.airframe import AIRFRAMES
-from sim_feeds.faults import KNOT_M_S, Fault, FaultKind, apply_all
+from sim_feeds.faults import Fault, apply_all
 from sim_feeds.flightplan import FlightPlan
 from sim_feeds.papers.streams import FAULT_STREAM, NOISE_STREAM
 from sim_feeds.trajectory import Truth, fly
 from sim_feeds.wind import Component, Constant, Dryden, Ramp, Wind
 
 __all__ = [
-    "WAN2016_CASES",
-    "WAN2016_NOISE_STD",
+    "WAN_NOISE_STD",
     "WAN_SAMPLE_S",
     "LongitudinalExperiment",
-    "wan2016_experiment",
     "wan_experiment",
     "wan_wind",
 ]
@@ -73,7 +70,7 @@ class LongitudinalExperiment:
     truth: Truth
 
 
-WAN2016_NOISE_STD: Final = {
+WAN_NOISE_STD: Final = {
     "v_g": 0.1,
     "theta": radians(0.02),
     "q": radians(0.05),
@@ -93,7 +90,7 @@ def wan_experiment(
     plan: FlightPlan | None = None,
     wind: Wind | None = None,
     duration_s: float = 60.0,
-    noise_std: dict[str, float] = WAN2016_NOISE_STD,
+    noise_std: dict[str, float] = WAN_NOISE_STD,
 ) -> LongitudinalExperiment:
     """A straight flight with three vanes and three airspeeds.
 
@@ -172,74 +169,3 @@ def wan_wind(vertical: bool = True) -> list[Component]:
         Dryden(fixed_std_m_s=0.5, fixed_scale_m=530.0),
     ]
     return [*parts, Ramp(10.0, 16.0, down), Ramp(30.0, 38.0, -down)] if vertical else parts
-
-
-@dataclass(frozen=True, slots=True)
-class _Case:
-    height_ft: float
-    speed_kt: float
-    manoeuvre: str
-    vertical_wind: bool
-    kind: FaultKind
-    aoa: tuple[int, ...]
-    airspeed: tuple[int, ...]
-
-
-WAN2016_CASES: Final = {
-    1: _Case(7475, 207, "load factor", False, FaultKind.NRZ, (0, 1), (0, 1)),
-    2: _Case(1565, 203, "load factor", False, FaultKind.OSCILLATION, (0, 1), (0, 1)),
-    3: _Case(15896, 277, "path angle", True, FaultKind.OSCILLATION, (0, 1), (0, 1)),
-    4: _Case(31331, 322, "path angle", True, FaultKind.BIAS, (), (0, 1)),
-    5: _Case(30666, 332, "vertical speed", True, FaultKind.JAMMING, (), (0, 1)),
-    6: _Case(15658, 351, "vertical speed", True, FaultKind.RUNAWAY, (), (0, 1)),
-    7: _Case(943, 162, "alpha protection", True, FaultKind.JAMMING, (0, 1), (0, 1)),
-    8: _Case(968, 173, "alpha protection", True, FaultKind.NRZ, (), (0, 1)),
-}
-"""wan2016 Table 1: height, calibrated airspeed, manoeuvre, winds, and who fails how.
-
-Differs: row 2 prints three failed airspeeds under a text that says two of three; two fail here.
-"""
-
-_WAN2016_SIZES: Final = {
-    # vane: size [rad] or rate [rad/s]; airspeed: size [m/s] or rate [m/s^2]
-    FaultKind.NRZ: (0.1, 0.1),
-    FaultKind.OSCILLATION: (radians(6.0), 30.0 * KNOT_M_S),
-    FaultKind.BIAS: (radians(5.0), 40.0 * KNOT_M_S),
-    FaultKind.JAMMING: (radians(14.0), 100.0 * KNOT_M_S),
-    FaultKind.RUNAWAY: (radians(1.0), 5.0 * KNOT_M_S),
-}
-
-
-def wan2016_experiment(case: int, seed: int = 0, start_s: float = 20.0) -> LongitudinalExperiment:
-    """One row of wan2016 Table 1, 60 s, the faults beginning together.
-
-    Differs: fault sizes are not printed; they are chosen inside the ranges of wan2018 Table II.
-    """
-    c = WAN2016_CASES[case]
-    height = c.height_ft * 0.3048
-    impact = earth.impact_pressure_of_cas(c.speed_kt * KNOT_M_S)
-    tas = float(
-        earth.true_airspeed(impact, earth.static_pressure(height), earth.temperature(height))
-    )
-    light = replace(AIRFRAMES["transport"], cruise_m_s=c.speed_kt * KNOT_M_S)
-    plan = FlightPlan(light, speed_m_s=tas, height_m=height).level(2.0)
-    match c.manoeuvre:
-        case "load factor":
-            plan.load_doublet(0.3).level(6.0).load_doublet(-0.3)
-        case "path angle":
-            plan.climb_at(0.05 * tas, 45.0)
-        case "vertical speed":
-            plan.climb_at(-0.03 * tas, 45.0)
-        case _:
-            plan.change_speed(0.75 * tas)
-    aoa_size, cas_size = _WAN2016_SIZES[c.kind]
-    faults = []
-    for prefix, indices, size in (("aoa", c.aoa, aoa_size), ("airspeed", c.airspeed, cas_size)):
-        for i in indices:
-            fault = Fault(f"{prefix}{i}", c.kind, start_s, size=size)
-            if c.kind is FaultKind.RUNAWAY:
-                fault = replace(fault, size=0.0, rate=size)
-            if c.kind is FaultKind.OSCILLATION:
-                fault = replace(fault, period_s=2.0)
-            faults.append(fault)
-    return wan_experiment(faults, seed, plan=plan, wind=Wind(wan_wind(c.vertical_wind)))

@@ -6,6 +6,7 @@ winds it does not print stand in the file, each with its reason.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
 from importlib import resources
@@ -116,18 +117,33 @@ class Table1(Strict):
         *,
         faulty: bool = True,
         noise: str = "assumed",
+        without: Collection[str] = (),
         scale: float = 1.0,
+        onset_s: float | None = None,
     ) -> LongitudinalExperiment:
         """Fly a scenario; the healthy and the faulty run of a seed share flight and noise.
 
-        ``scale`` multiplies the size or rate of the pitots' faults.
+        Parameters
+        ----------
+        name
+            Of the scenario.
+        noise
+            A set of the file.
+        without
+            Kinds of wind that do not blow: "dryden" for turbulence, "ramp" for a steady wind.
+        scale
+            Multiplies the size or rate of the pitots' faults.
+        onset_s
+            In place of the file's.
         """
         row = self.named(name)
+        start = self.onset_s if onset_s is None else onset_s
         faults: list[Fault] = []
         if faulty and row.vanes:
-            faults += row.vanes.faults("aoa", self.onset_s)
+            faults += row.vanes.faults("aoa", start)
         if faulty and row.pitots:
-            faults += row.pitots.faults("airspeed", self.onset_s, scale)
+            faults += row.pitots.faults("airspeed", start, scale)
+        parts = [p for p in self.wind[row.wind] if p.kind not in without]
         plan = flight_plan(row.speed_kt, row.height_ft)
         for leg in row.leg:
             leg.fly(plan)
@@ -135,7 +151,7 @@ class Table1(Strict):
             faults,
             seed,
             plan=plan,
-            wind=Wind([part.component() for part in self.wind[row.wind]]),
+            wind=Wind([p.component() for p in parts]),
             duration_s=self.duration_s,
             noise_std=self.noise[noise].si(),
         )

@@ -4,22 +4,24 @@ Source: samar2006 section IV.
 
 Differs: the paper's AeroSim model has a piston engine that burns fuel; ours has mavsim's electric
 motor and a constant mass. Its model-predictive guidance is a simple course controller here. The
-paper does not print its waypoints.
+paper does not print its waypoints. Gusts act at one point, as there: a wing of 3 m would average
+the shortest waves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2, cos, pi, sin
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_feeds.sixdof.engine import FOOT_M, Engine
+from sim_feeds.sixdof.engine import FOOT_M, POUND_N, SLUG_KG, Engine, Gauge, Gauges
 from sim_feeds.sixdof.flight import FAULT_COLUMNS, SixDofFlight
-from sim_feeds.sixdof.pilot import AEROSONDE_GAINS, Pilot, Seen
+from sim_feeds.sixdof.loop import Gusts, Place, eyes, fly
+from sim_feeds.sixdof.pilot import AEROSONDE_GAINS, Pilot
 from sim_feeds.von_karman import VonKarman, rotation_of_the_air
 from sim_feeds.wind import Route
 
@@ -45,12 +47,8 @@ CONTROL_S: Final = 0.02
 SETTLE_S: Final = 30.0
 RUN_IN_M: Final = 450.0
 """Way to the first waypoint at the start: t = 0 is behind its turn in any wind."""
-START: Final = (0.82, 0.2)
-"""Latitude and longitude of the first waypoint [rad]."""
+ORIGIN: Final = Place(lat_rad=0.82, lon_rad=0.2, height_m=HEIGHT_M)
 PITCH_AT_START: Final = 0.04
-POUND_N: Final = 4.4482216152605
-SLUG_KG: Final = 14.593902937206
-DENSITY: Final = SLUG_KG / FOOT_M**3
 WIND_STREAM: Final = 11
 
 Wing = Literal["right.lift", "right.drag", "left.lift", "left.drag"]
@@ -82,41 +80,44 @@ class WingFault:
         return np.where(since >= 0.0, self.size_percent + self.rate_percent_s * since, 0.0)
 
 
-RECORDED: Final = (
-    ("lat_rad", "position/lat-geod-rad", 1.0),
-    ("lon_rad", "position/long-gc-rad", 1.0),
-    ("height_m", "position/geod-alt-ft", FOOT_M),
-    ("roll", "attitude/phi-rad", 1.0),
-    ("pitch", "attitude/theta-rad", 1.0),
-    ("yaw", "attitude/psi-rad", 1.0),
-    ("vel_n", "velocities/v-north-fps", FOOT_M),
-    ("vel_e", "velocities/v-east-fps", FOOT_M),
-    ("vel_d", "velocities/v-down-fps", FOOT_M),
-    ("p", "velocities/pi-rad_sec", 1.0),
-    ("q", "velocities/qi-rad_sec", 1.0),
-    ("r", "velocities/ri-rad_sec", 1.0),
-    ("force_x", "forces/fbx-total-lbs", POUND_N),
-    ("force_y", "forces/fby-total-lbs", POUND_N),
-    ("force_z", "forces/fbz-total-lbs", POUND_N),
-    ("mass_kg", "inertia/mass-slugs", SLUG_KG),
-    ("elevator", "fcs/elevator-pos-rad", 1.0),
-    ("aileron", "fcs/aileron-pos-rad", 1.0),
-    ("rudder", "fcs/rudder-pos-rad", 1.0),
-    ("throttle", "propeller/throttle", 1.0),
-    ("prop", "propeller/speed-rad_sec", 1.0),
-    ("wind_n", "atmosphere/total-wind-north-fps", FOOT_M),
-    ("wind_e", "atmosphere/total-wind-east-fps", FOOT_M),
-    ("wind_d", "atmosphere/total-wind-down-fps", FOOT_M),
-    ("air_p", "gust/p-rad_sec", 1.0),
-    ("air_q", "gust/q-rad_sec", 1.0),
-    ("air_r", "gust/r-rad_sec", 1.0),
-    ("tas", "velocities/vt-fps", FOOT_M),
-    ("aoa", "aero/alpha-rad", 1.0),
-    ("ssa", "aero/beta-rad", 1.0),
-    ("density", "atmosphere/rho-slugs_ft3", DENSITY),
-    *((name, f"fault/{name.replace('.', '-')}-percent", 1.0) for name in FAULT_COLUMNS),
+def _property(fault: str) -> str:
+    return f"fault/{fault.replace('.', '-')}-percent"
+
+
+KEPT: Final = (
+    Gauge("lat", "position/lat-geod-rad"),
+    Gauge("lon", "position/long-gc-rad"),
+    Gauge("height", "position/geod-alt-ft", FOOT_M),
+    Gauge("roll", "attitude/phi-rad"),
+    Gauge("pitch", "attitude/theta-rad"),
+    Gauge("yaw", "attitude/psi-rad"),
+    Gauge("vel_n", "velocities/v-north-fps", FOOT_M),
+    Gauge("vel_e", "velocities/v-east-fps", FOOT_M),
+    Gauge("vel_d", "velocities/v-down-fps", FOOT_M),
+    Gauge("p", "velocities/pi-rad_sec"),
+    Gauge("q", "velocities/qi-rad_sec"),
+    Gauge("r", "velocities/ri-rad_sec"),
+    Gauge("force_x", "forces/fbx-total-lbs", POUND_N),
+    Gauge("force_y", "forces/fby-total-lbs", POUND_N),
+    Gauge("force_z", "forces/fbz-total-lbs", POUND_N),
+    Gauge("mass", "inertia/mass-slugs", SLUG_KG),
+    Gauge("elevator", "fcs/elevator-pos-rad"),
+    Gauge("aileron", "fcs/aileron-pos-rad"),
+    Gauge("rudder", "fcs/rudder-pos-rad"),
+    Gauge("throttle", "propeller/throttle"),
+    Gauge("prop", "propeller/speed-rad_sec"),
+    Gauge("wind_n", "atmosphere/total-wind-north-fps", FOOT_M),
+    Gauge("wind_e", "atmosphere/total-wind-east-fps", FOOT_M),
+    Gauge("wind_d", "atmosphere/total-wind-down-fps", FOOT_M),
+    Gauge("air_p", "gust/p-rad_sec"),
+    Gauge("air_q", "gust/q-rad_sec"),
+    Gauge("air_r", "gust/r-rad_sec"),
+    Gauge("tas", "velocities/vt-fps", FOOT_M),
+    Gauge("aoa", "aero/alpha-rad"),
+    Gauge("ssa", "aero/beta-rad"),
+    Gauge("density", "atmosphere/rho-slugs_ft3", SLUG_KG / FOOT_M**3),
+    *(Gauge(name, _property(name)) for name in FAULT_COLUMNS),
 )
-"""Our name, JSBSim's property and what turns its unit into ours."""
 
 
 def fly_aerosonde(
@@ -168,154 +169,83 @@ def fly_aerosonde(
     settle = round(SETTLE_S / STEP_S)
     steps = settle + round(duration_s / record_s) * every
     t: Floats = np.arange(-settle, steps - settle + 1, dtype=np.float64) * STEP_S
-    gusts = VonKarman(wind_6m_m_s=speed).along_path(Route.still(t, CRUISE_M_S, HEIGHT_M), rng)
-    gusts *= turbulence
     _start(engine, mean)
     pilot = Pilot(AEROSONDE_GAINS, WAYPOINTS_M, HEIGHT_M, CRUISE_M_S, CONTROL_S)
-    rows = _fly(engine, pilot, t, gusts, faults, settle, every)
-    return _flight(rows, t[settle::every], mean)
+    look = eyes(engine, ORIGIN)
+    kept = Gauges(engine, KEPT)
+    rows = fly(
+        engine,
+        lambda: pilot.steer(look()),
+        _gusts(t, speed, turbulence, rng),
+        _damage(faults, t),
+        kept,
+        control_every=round(CONTROL_S / STEP_S),
+        keep_from=settle,
+        keep_every=every,
+    )
+    return _flight(dict(zip(kept.names, rows.T, strict=True)), t[settle::every], mean)
 
 
 def _start(engine: Engine, wind: Floats) -> None:
     """On the last leg, before the first waypoint, at cruise through the air."""
     (n0, e0), (n1, e1) = WAYPOINTS_M[-1], WAYPOINTS_M[0]
     heading = atan2(e1 - e0, n1 - n0)
-    meridian, parallel = _radii(START[0])
-    through_air = CRUISE_M_S * np.array([cos(heading), sin(heading), 0.0])
+    ahead = np.array([cos(heading), sin(heading), 0.0])
+    lat, lon = ORIGIN.geodetic(n1 - RUN_IN_M * ahead[0], e1 - RUN_IN_M * ahead[1])
     engine.start(
-        lat_rad=START[0] - RUN_IN_M * cos(heading) / meridian,
-        lon_rad=START[1] - RUN_IN_M * sin(heading) / parallel,
+        lat_rad=lat,
+        lon_rad=lon,
         height_m=HEIGHT_M,
         euler_rad=(0.0, PITCH_AT_START, heading),
-        vel_ned_m_s=through_air + wind,
+        vel_ned_m_s=CRUISE_M_S * ahead + wind,
         wind_ned_m_s=wind,
     )
 
 
-def _radii(lat_rad: float) -> tuple[float, float]:
-    """Metres per radian of latitude and of longitude at the flight's height, WGS84."""
-    a, e2 = 6_378_137.0, 6.694379990141e-3
-    bend = 1.0 - e2 * sin(lat_rad) ** 2
-    meridian = a * (1.0 - e2) / bend**1.5 + HEIGHT_M
-    return meridian, (a / bend**0.5 + HEIGHT_M) * cos(lat_rad)
+def _gusts(t: Floats, wind_m_s: float, share: float, rng: np.random.Generator) -> Gusts:
+    """Turbulence of this wind at cruise, and the rotation of the air that comes with it."""
+    model = VonKarman(wind_6m_m_s=wind_m_s)
+    along, across, down = share * model.along_path(Route.still(t, CRUISE_M_S, HEIGHT_M), rng).T
+    air = rotation_of_the_air(across, down, tas_m_s=CRUISE_M_S, span_m=SPAN_M, dt_s=STEP_S)
+    return Gusts(along, across, down, air.q, air.r)
 
 
-def _fly(
-    engine: Engine,
-    pilot: Pilot,
-    t: Floats,
-    gusts: Floats,
-    faults: Sequence[WingFault],
-    settle: int,
-    every: int,
-) -> Floats:
-    """Step through the flight; a row of ``RECORDED`` each ``every`` steps from t = 0 on."""
-    damage = np.zeros((len(t), 4))
-    for fault in faults:
-        damage[:, FAULT_COLUMNS.index(fault.which)] += fault.at(t)
-    air = rotation_of_the_air(
-        gusts[:, 1], gusts[:, 2], tas_m_s=CRUISE_M_S, span_m=SPAN_M, dt_s=STEP_S
-    )
-    along, across, down = (gusts / FOOT_M).T.tolist()
-    q_air, r_air = air.q.tolist(), air.r.tolist()
-    changed = np.flatnonzero(np.any(np.diff(damage, axis=0, prepend=0.0) != 0.0, axis=1))
-    hurt = dict(zip(changed.tolist(), damage[changed].tolist(), strict=True))
-
-    recorded = [engine.node(name) for _, name, _ in RECORDED]
-    seen = _eyes(engine)
-    surfaces = [
-        engine.node(f"fcs/{name}-cmd-norm")
-        for name in ("elevator", "aileron", "rudder", "throttle")
-    ]
-    broken = [engine.node(f"fault/{name.replace('.', '-')}-percent") for name in FAULT_COLUMNS]
-    north, east, sink = (engine.node(f"atmosphere/gust-{a}-fps") for a in ("north", "east", "down"))
-    turning = [engine.node(f"gust/{a}-rad_sec") for a in "qr"]
-    yaw = engine.node("attitude/psi-rad")
-
-    control = round(CONTROL_S / STEP_S)
-    rows = []
-    c = s = 0.0
-    for k in range(len(t)):
-        if k % control == 0:
-            order = pilot.steer(seen())
-            for node, value in zip(
-                surfaces, (order.elevator, order.aileron, order.rudder, order.throttle), strict=True
-            ):
-                node.set_double_value(value)
-            heading = yaw.get_double_value()
-            c, s = cos(heading), sin(heading)
-        if k in hurt:
-            for node, value in zip(broken, hurt[k], strict=True):
-                node.set_double_value(value)
-        north.set_double_value(c * along[k] - s * across[k])
-        east.set_double_value(s * along[k] + c * across[k])
-        sink.set_double_value(down[k])
-        turning[0].set_double_value(q_air[k])
-        turning[1].set_double_value(r_air[k])
-        engine.step()
-        if k >= settle and (k - settle) % every == 0:
-            rows.append([node.get_double_value() for node in recorded])
-    scales = np.array([scale for *_, scale in RECORDED])
-    return np.asarray(np.asarray(rows) * scales)
+def _damage(faults: Sequence[WingFault], t: Floats) -> dict[int, dict[str, float]]:
+    """Fault properties by the step before which they change."""
+    events: dict[int, dict[str, float]] = {}
+    for which in FAULT_COLUMNS:
+        percent = sum((f.at(t) for f in faults if f.which == which), np.zeros_like(t))
+        for k in np.flatnonzero(np.diff(percent, prepend=0.0)).tolist():
+            events.setdefault(k, {})[_property(which)] = float(percent[k])
+    return events
 
 
-def _eyes(engine: Engine) -> Any:
-    """A function that reads what the autopilot sees."""
-    meridian, parallel = _radii(START[0])
-    nodes = [
-        (engine.node(name), scale, zero)
-        for name, scale, zero in (
-            ("position/lat-geod-rad", meridian, START[0]),
-            ("position/long-gc-rad", parallel, START[1]),
-            ("position/geod-alt-ft", FOOT_M, 0.0),
-            ("velocities/v-north-fps", FOOT_M, 0.0),
-            ("velocities/v-east-fps", FOOT_M, 0.0),
-            ("velocities/v-down-fps", -FOOT_M, 0.0),
-            ("attitude/phi-rad", 1.0, 0.0),
-            ("attitude/theta-rad", 1.0, 0.0),
-            ("velocities/p-rad_sec", 1.0, 0.0),
-            ("velocities/q-rad_sec", 1.0, 0.0),
-            ("velocities/r-rad_sec", 1.0, 0.0),
-            ("velocities/vt-fps", FOOT_M, 0.0),
-        )
-    ]
-    return lambda: Seen(*[scale * (n.get_double_value() - zero) for n, scale, zero in nodes])
-
-
-def _flight(rows: Floats, t: Floats, mean: Floats) -> SixDofFlight:
-    column = {name: i for i, (name, *_) in enumerate(RECORDED)}
-
+def _flight(kept: Mapping[str, Floats], t: Floats, mean: Floats) -> SixDofFlight:
     def take(*names: str) -> Floats:
-        return np.ascontiguousarray(rows[:, [column[n] for n in names]])
+        return np.column_stack([kept[n] for n in names])
 
-    def one(name: str) -> Floats:
-        return np.ascontiguousarray(rows[:, column[name]])
-
-    meridian, parallel = _radii(START[0])
-    lat, lon, height = one("lat_rad"), one("lon_rad"), one("height_m")
+    force = take("force_x", "force_y", "force_z")
     return SixDofFlight(
         t_s=t,
-        lat_rad=lat,
-        lon_rad=lon,
-        height_m=height,
-        ned_m=np.column_stack(
-            [(lat - START[0]) * meridian, (lon - START[1]) * parallel, HEIGHT_M - height]
-        ),
+        lat_rad=kept["lat"],
+        lon_rad=kept["lon"],
+        height_m=kept["height"],
+        ned_m=ORIGIN.ned(kept["lat"], kept["lon"], kept["height"]),
         euler_rad=take("roll", "pitch", "yaw"),
         vel_ned_m_s=take("vel_n", "vel_e", "vel_d"),
         rate_rad_s=take("p", "q", "r"),
-        specific_force_m_s2=take("force_x", "force_y", "force_z") / one("mass_kg")[:, None],
-        elevator_rad=one("elevator"),
-        aileron_rad=one("aileron"),
-        rudder_rad=one("rudder"),
-        throttle=one("throttle"),
-        prop_rad_s=one("prop"),
+        specific_force_m_s2=force / kept["mass"][:, None],
+        elevator_rad=kept["elevator"],
+        aileron_rad=kept["aileron"],
+        rudder_rad=kept["rudder"],
+        throttle=kept["throttle"],
+        prop_rad_s=kept["prop"],
         wind_ned_m_s=take("wind_n", "wind_e", "wind_d"),
         mean_wind_ned_m_s=mean,
         air_rate_rad_s=take("air_p", "air_q", "air_r"),
-        tas_m_s=one("tas"),
-        aoa_rad=one("aoa"),
-        ssa_rad=one("ssa"),
-        density_kg_m3=one("density"),
+        tas_m_s=kept["tas"],
+        aoa_rad=kept["aoa"],
+        ssa_rad=kept["ssa"],
+        density_kg_m3=kept["density"],
         fault_percent=take(*FAULT_COLUMNS),
     )

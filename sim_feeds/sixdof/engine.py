@@ -1,22 +1,29 @@
 """One aircraft in JSBSim, in SI units, with the engine's traps closed.
 
-- JSBSim remembers the initial velocity in its own frame: a latitude or heading set after it changes
-  it. :meth:`Engine.start` sets the velocity last.
+- An initial velocity is kept as it was given: a latitude set after an airspeed changes the
+  velocity, so does a heading set after a ground speed. :meth:`Engine.start` sets the velocity last.
 - Its attitude integrator is Euler's, half a step late. Here attitude and rates use the schemes of
   second order, see ``INTEGRATORS``.
 - ``p, q, r`` are rates against the earth's surface frame; gyros measure ``pi, qi, ri``.
 - ``a-pilot`` is of the step before; specific force here is total force over mass.
+- ``aero/qbar-area`` is not initialised, and functions outside an axis read the value of the step
+  before: the same flight twice differs in its last digits. :meth:`Engine.start` clears it.
 - Wind is the velocity the air moves toward.
+- Some aircraft of JSBSim open network ports and write files: see :func:`_closed`.
 - JSBSim prints to standard output; here it is silent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +31,23 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import jsbsim
 
-__all__ = ["FOOT_M", "AircraftMissing", "Engine", "EngineMissing", "bundled_aircraft"]
+__all__ = [
+    "FOOT_M",
+    "POUND_N",
+    "SLUG_KG",
+    "AircraftMissing",
+    "Engine",
+    "EngineMissing",
+    "Gauge",
+    "Gauges",
+    "bundled_aircraft",
+]
 
 Floats = NDArray[np.float64]
 
 FOOT_M: Final = 0.3048
+POUND_N: Final = 4.4482216152605
+SLUG_KG: Final = POUND_N / FOOT_M
 NEEDED: Final = (
     "the six-degree-of-freedom vehicle needs JSBSim: pip install 'mavsentry[sim]' "
     "(the kinematic vehicle flies without it)"
@@ -40,6 +59,9 @@ INTEGRATORS: Final = {
     "simulation/integrator/position/translational": 4.0,
 }
 """3 and 4 are Adams-Bashforth of second and third order, 7 is Buss' second-order rotation."""
+
+
+TALKING: Final = ("input", "output")
 
 
 class EngineMissing(RuntimeError):
@@ -63,6 +85,26 @@ def _jsbsim() -> ModuleType:
     return jsbsim
 
 
+def _closed(root: Path, aircraft: str, scratch: Path) -> Path:
+    """Directory with the aircraft, without what would open ports and write files.
+
+    An aircraft file may name ports to be steered through and sockets or files to report to; some
+    that JSBSim ships do. A simulator inside another program must not. Such an aircraft is copied
+    to ``scratch`` with those elements left out.
+    """
+    source = root / aircraft / f"{aircraft}.xml"
+    tree = ElementTree.parse(source)
+    top = tree.getroot()
+    talking = [child for child in top if child.tag in TALKING]
+    if not talking:
+        return root
+    for child in talking:
+        top.remove(child)
+    shutil.copytree(source.parent, scratch / aircraft)
+    tree.write(scratch / aircraft / source.name, encoding="utf-8", xml_declaration=True)
+    return scratch
+
+
 class Engine:
     """An aircraft and its equations of motion.
 
@@ -84,6 +126,8 @@ class Engine:
     def __init__(self, aircraft: str, *, dt_s: float) -> None:
         module = _jsbsim()
         module.FGJSBBase().debug_lvl = 0
+        if hasattr(module, "set_logger"):  # 1.2 has no logger
+            module.set_logger(module.DefaultLogger(module.LogLevel.FATAL))
         ours = bundled_aircraft()
         theirs = Path(module.get_default_root_dir())
         root = ours if (ours / aircraft).is_dir() else theirs / "aircraft"
@@ -92,25 +136,43 @@ class Engine:
             raise AircraftMissing(f"no aircraft {aircraft!r}: ours are {known}; JSBSim has others")
         fdm: jsbsim.FGFDMExec = module.FGFDMExec(str(theirs))
         fdm.set_debug_level(0)
-        if not fdm.load_model_with_paths(
-            aircraft, str(root), str(theirs / "engine"), str(theirs / "systems")
-        ):
+        with TemporaryDirectory() as scratch:
+            root = _closed(root, aircraft, Path(scratch))
+            loaded = fdm.load_model_with_paths(
+                aircraft, str(root), str(theirs / "engine"), str(theirs / "systems")
+            )
+        if not loaded:
             raise AircraftMissing(f"JSBSim cannot read the aircraft {aircraft!r}")
         fdm.set_dt(dt_s)
         for name, scheme in INTEGRATORS.items():
             fdm[name] = scheme
         self.fdm = fdm
+        self.aircraft = aircraft
         self.dt_s = dt_s
         self._properties = fdm.get_property_manager()
+        # An aircraft whose thrust is its own equations has no engine that JSBSim knows.
+        self._engines = fdm.get_propulsion().get_num_engines()
+        levers = [f"[{i}]" for i in range(self._engines)] or [""]
+        nodes = [self._properties.get_node(f"fcs/throttle-cmd-norm{lever}") for lever in levers]
+        self._throttles = [node for node in nodes if node is not None]
 
     def node(self, name: str) -> Any:
-        """The property node of a name, for quick access; created when new."""
-        return self._properties.get_node(name, True)
+        """The property of a name, for quick access.
+
+        Raises
+        ------
+        KeyError
+            This aircraft has no such property; JSBSim alone would make one that nothing reads.
+        """
+        node = self._properties.get_node(name)
+        if node is None:
+            raise KeyError(f"{self.aircraft} has no property {name}")
+        return node
 
     def set(self, values: Mapping[str, float]) -> None:
         """Set properties by name."""
         for name, value in values.items():
-            self.fdm[name] = value
+            self.node(name).set_double_value(value)
 
     def start(
         self,
@@ -148,12 +210,57 @@ class Engine:
                 "ic/psi-true-rad": yaw,
             }
         )
+        self.fdm["aero/qbar-area"] = 0.0
         for axis, speed in zip("ned", vel_ned_m_s, strict=True):
             self.fdm[f"ic/v{axis}-fps"] = speed / FOOT_M
         self.fdm.run_ic()
         for axis, speed in zip(("north", "east", "down"), wind_ned_m_s, strict=True):
             self.fdm[f"atmosphere/wind-{axis}-fps"] = speed / FOOT_M
 
+    def run_engines(self) -> None:
+        """Engines running, mixture rich, propellers forward, gear up; in the air, after a start."""
+        for i in range(self._engines):
+            for lever in ("mixture", "advance"):
+                self.fdm[f"fcs/{lever}-cmd-norm[{i}]"] = 1.0
+        if self._engines:
+            self.fdm["propulsion/set-running"] = -1.0
+        self.fdm["gear/gear-cmd-norm"] = 0.0
+        self.fdm["gear/gear-pos-norm"] = 0.0
+
+    def set_throttle(self, command: float) -> None:
+        """All throttles, 0 to 1; a glider has none."""
+        for node in self._throttles:
+            node.set_double_value(command)
+
     def step(self) -> None:
         """Advance by one step."""
         self.fdm.run()
+
+
+@dataclass(frozen=True, slots=True)
+class Gauge:
+    """A property in our units: (its value - ``zero``) * ``scale``."""
+
+    name: str
+    property: str
+    scale: float = 1.0
+    zero: float = 0.0
+
+
+class Gauges:
+    """Properties of one engine that are read together.
+
+    Parameters
+    ----------
+    engine
+    gauges
+        What to read, in order.
+    """
+
+    def __init__(self, engine: Engine, gauges: Sequence[Gauge]) -> None:
+        self.names = [g.name for g in gauges]
+        self._nodes = [(engine.node(g.property), g.scale, g.zero) for g in gauges]
+
+    def read(self) -> list[float]:
+        """Values now."""
+        return [(node.get_double_value() - zero) * scale for node, scale, zero in self._nodes]

@@ -8,7 +8,7 @@ throttle; the rudder damps the yaw beyond the rate of a coordinated turn.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import atan, atan2, cos, hypot, pi, radians, sin, tan
 from typing import Final
 
@@ -84,6 +84,9 @@ AEROSONDE_GAINS: Final = Gains(
     rudder_per_rad_s=0.4,
 )
 CLIMB_LIMIT_M_S: Final = 3.0
+SLOW: Final = 0.9
+GLIDE: Final = 2.0
+"""Below this share of the airspeed height is given up for it: sink per missing airspeed."""
 ROLL_IN_S: Final = 0.7
 """Time that rolling into a turn costs."""
 SHARPEST: Final = 2.4
@@ -140,10 +143,10 @@ class Pilot:
     dt_s: float
     _next: int = 0
     _bank_asked: float = 0.0
-    _bank_sum: float = field(default=0.0)
-    _climb_sum: float = field(default=0.0)
-    _pitch_sum: float = field(default=0.0)
-    _speed_sum: float = field(default=0.0)
+    _aileron_trim: float = 0.0
+    _pitch_trim: float = 0.0
+    _elevator_trim: float = 0.0
+    _throttle_trim: float = 0.0
 
     def steer(self, seen: Seen) -> Commands:
         """Commands for the next ``dt_s``."""
@@ -151,31 +154,32 @@ class Pilot:
         change = self._bank(seen) - self._bank_asked
         self._bank_asked += _clip(change, g.bank_rate_rad_s * dt)
         error = self._bank_asked - seen.roll
-        self._bank_sum = _clip(self._bank_sum + error * dt, 0.5)
-        aileron = (
-            g.aileron_per_rad * error
-            + g.aileron_per_rad_integral * self._bank_sum
-            - g.aileron_per_rad_s * seen.p
+        self._aileron_trim = _clip(
+            self._aileron_trim + g.aileron_per_rad_integral * error * dt, 1.0
         )
+        aileron = g.aileron_per_rad * error + self._aileron_trim - g.aileron_per_rad_s * seen.p
 
         climb = _clip(g.climb_1_s * (self.height_m - seen.height_m), CLIMB_LIMIT_M_S)
+        climb -= GLIDE * max(SLOW * self.tas_m_s - seen.tas_m_s, 0.0)
         slow = climb - seen.climb_m_s
-        self._climb_sum = _clip(self._climb_sum + slow * dt, g.pitch_limit_rad / g.pitch_per_m)
-        pitch = _clip(g.pitch_per_m_s * slow + g.pitch_per_m * self._climb_sum, g.pitch_limit_rad)
+        self._pitch_trim = _clip(self._pitch_trim + g.pitch_per_m * slow * dt, g.pitch_limit_rad)
+        pitch = _clip(g.pitch_per_m_s * slow + self._pitch_trim, g.pitch_limit_rad)
         error = pitch - seen.pitch
-        self._pitch_sum = _clip(self._pitch_sum + error * dt, 0.5)
+        self._elevator_trim = _clip(
+            self._elevator_trim + g.elevator_per_rad_integral * error * dt, 1.0
+        )
         # The rate of pitch in a level turn is no error.
         turn = G0 / max(seen.tas_m_s, 5.0) * tan(_clip(seen.roll, 1.2))
         elevator = -(
             g.elevator_per_rad * error
-            + g.elevator_per_rad_integral * self._pitch_sum
+            + self._elevator_trim
             - g.elevator_per_rad_s * (seen.q - turn * sin(seen.roll))
         )
 
         error = self.tas_m_s - seen.tas_m_s
-        throttle = g.throttle_trim + g.throttle_per_m_s * error + g.throttle_per_m * self._speed_sum
+        throttle = g.throttle_trim + g.throttle_per_m_s * error + self._throttle_trim
         if 0.0 < throttle < 1.0 or error * (throttle - 0.5) < 0.0:
-            self._speed_sum += error * dt
+            self._throttle_trim += g.throttle_per_m * error * dt
 
         rudder = g.rudder_per_rad_s * (seen.r - turn * cos(seen.roll))
         return Commands(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from estimators.baselines.chi_square_window import ChiSquareWindowFilter, chi_square_limits
+from estimators.baselines.fault_condition_bank import FaultConditionBank
 from estimators.baselines.rakf import RobustAdaptiveFilter
 from estimators.imkf import IntermittentFilter, LinearModel, Settings
 
@@ -70,6 +71,22 @@ def test_window_leaves_out_a_large_error_and_overlooks_a_small_one():
             assert twin.windows[0] == own.windows[0]
 
 
+def test_readings_of_rakf_adapt_what_they_say():
+    u, _, y = healthy(300)
+    y[250:, 1] += 0.2
+    factors = {}
+    for reading in ("multiple", "single", "channel"):
+        own = RobustAdaptiveFilter(MODEL, X0, P0, reading=reading)
+        for k in range(251):
+            own.step(u[k], y[k])
+        assert own.detected
+        factors[reading] = own.factor
+    assert factors["single"].min() == factors["single"].max() >= 1.0
+    assert factors["channel"][0] == 1.0
+    assert factors["channel"][1] > 20.0
+    assert factors["multiple"][1] > factors["multiple"][0]
+
+
 def test_rakf_raises_the_noise_of_the_channel_that_is_wrong():
     u, x, y = healthy(400)
     y[200:, 1] += 0.2
@@ -84,3 +101,30 @@ def test_rakf_raises_the_noise_of_the_channel_that_is_wrong():
             assert own.factor[0] < 0.2 * own.factor[1]
     assert (own.factor >= 1.0).all()
     assert abs(own.x[1] - x[399, 1]) < abs(kalman.state[1] - x[399, 1])
+
+
+def test_each_filter_of_a_bank_is_the_kalman_filter_of_its_channels():
+    u, _, y = healthy(50)
+    own = FaultConditionBank(MODEL, np.array([0.9, 0.8, 0.7]), X0, P0)
+    certain = Settings(fault_free=(1.0,) * 3, memory_s=None)
+    singles = [IntermittentFilter(MODEL, certain, X0, P0) for _ in own.Gamma]
+    for k in range(50):
+        own.step(u[k], y[k])
+        for j, single in enumerate(singles):
+            single.step(u[k], np.where(own.Gamma[j] == 1, y[k], np.nan))
+            np.testing.assert_allclose(own.xj[j], single.state, rtol=1e-9)
+            np.testing.assert_allclose(own.Pj[j], single.cov, rtol=1e-6, atol=1e-13)
+
+
+def test_a_bank_merges_its_first_sample_as_the_proposed_method_does():
+    """Before anything is fed back the two are one."""
+    u, _, y = healthy(1)
+    y[0, 0] += 0.1
+    printed = Settings.paper((0.9, 0.8, 0.7), np.inf)
+    proposed = IntermittentFilter(MODEL, printed, X0, P0)
+    bank = FaultConditionBank(MODEL, np.array([0.9, 0.8, 0.7]), X0, P0)
+    track = proposed.run(u, y)
+    bank.step(u[0], y[0])
+    np.testing.assert_allclose(bank.x, track.x[0], rtol=1e-10)
+    np.testing.assert_allclose(bank.P, track.P[0], rtol=1e-8, atol=1e-14)
+    np.testing.assert_allclose(bank.w, track.works[0], rtol=1e-8)

@@ -6,11 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from estimators.air_data_mhe import AirDataTuning
+from estimators.air_data_mhe import AirDataMHE, AirDataTuning
 from estimators.baselines import numpy_twins_air as twin
+from estimators.baselines.triplex_as_printed import PrintedLogic, run_as_printed
 from estimators.triplex import Triplex, TriplexTuning, fuse, residual_rms
 from sim_feeds.faults import Fault, FaultKind
-from sim_feeds.papers.wan import wan2016_experiment, wan_experiment
+from sim_feeds.papers.wan import wan_experiment
+from sim_feeds.papers.wan2016 import table1
 
 from .longitudinal_truth import KT, fly
 
@@ -129,12 +131,14 @@ def test_three_running_away_are_found_only_with_bounds_and_stay_found():
         assert not _released(bounded.faulty)
         assert bounded.configuration[-1] == 2
         assert not bounded.faulty[:, 0].any()
-        assert not free.faulty.any()
+        # until they stand still at their lower end, which betrays them to anyone
+        falling = flight.t < 40.0
+        assert not free.faulty[falling].any()
+        assert np.abs(free.cas - flight.cas)[falling][-1] > 200 * KT
         # the true value is still told, within the deviation that is told with it
         late = flight.t > 40.0
         error = np.abs(bounded.cas - flight.cas)[late]
         assert (error < 3.0 * bounded.cas_std[late]).all()
-        assert np.abs(free.cas - flight.cas)[-1] > 200 * KT
 
 
 @pytest.mark.parametrize("size_kt", [-45, -30, -20, 30])
@@ -272,7 +276,7 @@ def test_the_scenarios_of_wan2016_on_an_independent_flight(case):
     Ten percent of a vane's few degrees (row 1) is below any threshold of the paper: not visible.
     """
     for seed in (1, 2, 3):
-        w = wan2016_experiment(case, seed=seed)
+        w = table1().experiment(str(case), seed)
         inertial = np.column_stack([w.theta[:, 0], w.v_z_m_s])
         triplex = Triplex.start(w.x[0], w.theta[0])
         record = triplex.run(inertial, w.aoa_rad, w.cas_m_s, w.theta)
@@ -331,8 +335,8 @@ def test_an_estimator_without_bounds_takes_a_common_runaway_for_wind(estimator):
     q_w_1 = (np.radians(1.0), 0.5, 1.0, 1.0)
     flight = fly(60.0, 1, speed=180.0, altitude=1524.0)
     _break(flight, 1, (0, 1, 2), "runaway", -15 * KT)
-    np.maximum(flight.pitots, 20 * KT, out=flight.pitots)
-    assert not _run_with(flight, estimator, Q_std=q_w_1).faulty.any()
+    falling = flight.t < 40.0
+    assert not _run_with(flight, estimator, Q_std=q_w_1).faulty[falling].any()
     assert _run_with(flight, "constrained", Q_std=q_w_1).faulty[-1, 1].all()
 
 
@@ -347,3 +351,21 @@ def test_every_estimator_isolates_two_of_three_and_carries_on_without_a_channel(
     late = flight.t > 32.0
     assert (np.abs(record.cas - flight.cas)[late] < 3 * record.cas_std[late]).all()
     assert np.degrees(np.abs(record.alpha - flight.alpha)[late]).max() < 1.5
+
+
+@pytest.mark.parametrize("constrained", [True, False])
+def test_without_its_additions_the_logic_is_the_printed_one(constrained):
+    """Flags and states against a plain rendering of section III-A."""
+    flight = fly(50.0, 4, speed=150.0)
+    _break(flight, 0, (0, 1), "oscillation", 6 * DEG)
+    _break(flight, 1, (0, 1, 2), "bias", -30 * KT)
+    _break(flight, 0, (0, 1, 2), "bias", 8 * DEG, start_s=40.0)
+    weights = AirDataTuning(constrained=constrained)
+    ours = _run(flight, TriplexTuning.as_printed(), constrained=constrained)
+    printed = run_as_printed(
+        AirDataMHE(weights, flight.x0, flight.theta[0]), flight.x0, PrintedLogic(),
+        flight.inertial, flight.vanes, flight.pitots, flight.theta,
+    )  # fmt: skip
+    assert printed.faulty.any(axis=0).all()
+    np.testing.assert_array_equal(ours.faulty, printed.faulty)
+    np.testing.assert_allclose(ours.x, printed.x, rtol=1e-9, atol=1e-9)

@@ -7,8 +7,8 @@ from sim_feeds.gusts import discrete_noise
 from sim_feeds.von_karman import (
     LATERAL,
     LONGITUDINAL,
-    Shaping,
     VonKarman,
+    exact_density,
     rotation_of_the_air,
 )
 from sim_feeds.wind import Route, Wind
@@ -17,33 +17,37 @@ X = np.geomspace(0.01, 3000.0, 200)
 """omega L / V; for a scale of 300 m, waves of 190 km to 0.6 m."""
 
 
-def exact(shaping: Shaping, x: np.ndarray) -> np.ndarray:
-    """MIL-F-8785C section 3.7.1.1: the irrational spectra, one-sided over omega."""
-    y2 = (1.339 * x) ** 2
-    if shaping is LONGITUDINAL:
-        return 2.0 / np.pi / (1.0 + y2) ** (5.0 / 6.0)
-    return 1.0 / np.pi * (1.0 + 8.0 / 3.0 * y2) / (1.0 + y2) ** (11.0 / 6.0)
-
-
 @pytest.mark.parametrize("shaping", [LONGITUDINAL, LATERAL], ids=["u", "v and w"])
 def test_filters_have_the_von_karman_spectrum(shaping):
     """The tail falls with -5/3, which the usual low-order filters do not hold."""
-    ratio = shaping.density(X) / exact(shaping, X)
+    ratio = shaping.density(X) / exact_density(X, lateral=shaping is LATERAL)
     assert np.abs(ratio - 1.0).max() < 0.02
     x = np.linspace(0.0, 20_000.0, 1_000_001)
     assert np.trapezoid(shaping.density(x), x) == pytest.approx(1.0, abs=0.01)
 
 
+def test_the_exact_spectra_are_mil_f_8785c():
+    """Unit variance, and at zero frequency 2 / pi and 1 / pi; in the tail v has 4/3 of u."""
+    x = np.concatenate([np.linspace(0.0, 10.0, 20_001), np.geomspace(10.0, 1e7, 20_001)[1:]])
+    for lateral, first in ((False, 2.0 / np.pi), (True, 1.0 / np.pi)):
+        density = exact_density(x, lateral=lateral)
+        assert density[0] == pytest.approx(first)
+        assert np.trapezoid(density, x) == pytest.approx(1.0, abs=1e-3)
+    tail = np.array([1e5])
+    ratio = exact_density(tail, lateral=True) / exact_density(tail, lateral=False)
+    np.testing.assert_allclose(ratio, 4.0 / 3.0, rtol=1e-4)
+
+
 @pytest.mark.parametrize("shaping", [LONGITUDINAL, LATERAL], ids=["u", "v and w"])
 def test_series_has_the_density_of_its_filter(shaping):
-    """Averaged periodogram; 400 segments leave 5 % of scatter, octaves of them less."""
-    age, n, segments = 0.05, 2048, 400
+    """Averaged periodogram; 200 segments leave 7 % of scatter, octaves of them less."""
+    age, n, segments = 0.05, 2048, 200
     y = shaping.series(n * segments, age, np.random.default_rng(5)).reshape(segments, n)
     window = np.hanning(n)
     power = np.abs(np.fft.rfft(window * y, axis=1)) ** 2
     density = power.mean(axis=0) * age / (np.pi * np.sum(window**2))
     x = 2.0 * np.pi * np.fft.rfftfreq(n, age)
-    for low in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0):
+    for low in (0.5, 1.0, 2.0, 5.0, 10.0):
         band = (x > low) & (x < 2.0 * low)
         # Folding of what lies above half the sampling rate.
         fold = sum(
@@ -52,13 +56,13 @@ def test_series_has_the_density_of_its_filter(shaping):
             for s in (-1, 1)
         )
         ratio = density[band] / (shaping.density(x[band]) + fold)
-        assert ratio.mean() == pytest.approx(1.0, abs=0.04)
+        assert ratio.mean() == pytest.approx(1.0, abs=0.06)
 
 
 def test_series_is_stationary_from_its_first_sample():
     rng = np.random.default_rng(7)
-    y = np.array([LATERAL.series(40, 0.1, rng) for _ in range(4000)])
-    np.testing.assert_allclose(y.std(axis=0), 1.0, rtol=0.05)
+    y = np.array([LATERAL.series(40, 0.1, rng) for _ in range(1200)])
+    np.testing.assert_allclose(y.std(axis=0), 1.0, rtol=0.08)
 
 
 def test_a_step_is_two_half_steps():
@@ -96,7 +100,7 @@ def test_turbulence_is_laid_along_the_path():
 
 def test_faster_flight_meets_the_same_air_sooner():
     """The process lives in space: at twice the speed the correlation time is half."""
-    t = np.arange(0.0, 4000.0, 0.1)
+    t = np.arange(0.0, 2500.0, 0.1)
     model = VonKarman(wind_6m_m_s=6.0)
 
     def correlation(tas: float, lag_s: float) -> float:
@@ -104,7 +108,7 @@ def test_faster_flight_meets_the_same_air_sooner():
         k = round(lag_s / 0.1)
         return float(np.corrcoef(u[k:], u[:-k])[0, 1])
 
-    assert correlation(20.0, 4.0) == pytest.approx(correlation(40.0, 2.0), abs=0.05)
+    assert correlation(20.0, 4.0) == pytest.approx(correlation(40.0, 2.0), abs=0.06)
     speeding = np.linspace(20.0, 30.0, len(t))
     u = model.along_path(
         Route(t, np.full_like(t, 200.0), speeding, 0.0 * t), np.random.default_rng(2)

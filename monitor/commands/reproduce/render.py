@@ -22,9 +22,11 @@ MARKS: Final = {
     "holds in part": "◐",
     "does not hold": "✗",
     "not reproducible": "∅",
-    "not run": "-",
+    "not run": "–",
 }
 """A sign for each outcome, so that it does not hang on a colour."""
+LONG: Final = 40
+"""Characters from which a cell is a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +155,7 @@ def _page(chapters: Mapping[str, Chapter], stamp: Stamp, pictures: Mapping[str, 
     environment.tests["table"] = lambda block: isinstance(block, Table)
     environment.tests["figure"] = lambda block: isinstance(block, Figure)
     environment.tests["words"] = lambda block: isinstance(block, Text)
-    environment.tests["numeric"] = lambda cell: cell is None or isinstance(cell, int | float)
+    environment.filters["alignment"] = _alignment
     return environment.get_template("report.html.jinja").render(
         chapters=chapters,
         stamp=stamp,
@@ -161,6 +163,18 @@ def _page(chapters: Mapping[str, Chapter], stamp: Stamp, pictures: Mapping[str, 
         marks=MARKS,
         counts={key: _count(chapter) for key, chapter in chapters.items()},
     )
+
+
+def _alignment(table: Table) -> list[str]:
+    """Each column's class: numbers stand to the right, sentences have room."""
+    out = []
+    for cells in zip(*table.rows, strict=True):
+        words = [cell for cell in cells if isinstance(cell, str)]
+        if any(len(word) > LONG for word in words):
+            out.append("long")
+        else:
+            out.append("" if words or all(cell is None for cell in cells) else "number")
+    return out or [""] * len(table.columns)
 
 
 def _count(chapter: Chapter) -> dict[str, int]:

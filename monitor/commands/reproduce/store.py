@@ -24,7 +24,7 @@ __all__ = ["Kept", "Store", "code_digest"]
 
 ROOT: Final = Path(__file__).resolve().parents[3]
 PACKAGES: Final = ("links", "estimators", "sim_feeds", "monitor")
-SOURCES: Final = frozenset({".py", ".toml", ".csv", ".json", ".xml"})
+SOURCES: Final = frozenset({".py", ".toml", ".csv", ".json", ".jsonl", ".xml"})
 HEAD: Final = "__head__"
 ARRAY: Final = "__array__"
 

@@ -11,7 +11,7 @@ import pytest
 from monitor.commands.reproduce import engine, store
 from monitor.commands.reproduce.drawing import svg, thinned
 from monitor.commands.reproduce.engine import run_jobs
-from monitor.commands.reproduce.render import Stamp, shown, write
+from monitor.commands.reproduce.render import Stamp, _alignment, shown, write
 from monitor.commands.reproduce.store import Store
 from monitor.commands.reproduce.study import Chapter, Claim, Figure, Job, Table, Text
 
@@ -182,3 +182,9 @@ def test_cells(value, text):
 def test_a_row_of_the_wrong_length_is_refused():
     with pytest.raises(ValueError, match="2 cells under 1 columns"):
         Table("t", "c", ["a"], [[1, 2]])
+
+
+def test_numbers_stand_right_and_sentences_have_room():
+    table = Table("t", "c", ["n", "w", "mixed", "none", "said"], [[1, "a", None, None, "x" * 60]])
+    assert _alignment(table) == ["number", "", "", "", "long"]
+    assert _alignment(Table("t", "c", ["a", "b"], [])) == ["", ""]

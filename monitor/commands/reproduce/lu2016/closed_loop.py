@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from estimators.kinematics import output_jacobian, state_from_output
 from estimators.two_stage_ekf import AS, GS, Settings, TwoStageFilter
-from monitor.commands.reproduce.lu2016.closed_loop_shown import (
+from monitor.commands.reproduce.lu2016.closed_loop_names import (
     AIR,
     EXACT,
     FAULTY,
     GROUND,
     TRUE,
-    blocks,
-    claims,
     steered_on,
 )
+from monitor.commands.reproduce.lu2016.closed_loop_shown import blocks, claims
 from monitor.commands.reproduce.lu2016.methods import PRINTED
 from monitor.commands.reproduce.study import Job, Result, Scope
 from sim_feeds.closed_loop import (
@@ -65,11 +64,14 @@ EDGE_S: Final = 2.0
 def jobs(scope: Scope) -> list[Job]:
     """One for each wind and draw."""
     section = validation().closed_loop
-    seeds = [s + scope.seed for s in section.chosen(scope.quick)]
     return [
-        Job("lu2016", f"closed_loop/{wind}/{seed}", {"wind": wind, "lines": seed == seeds[0]}, seed)
-        for wind in section.winds
-        for seed in seeds
+        Job(
+            "lu2016",
+            f"closed_loop/{wind}/{seed}",
+            {"wind": wind, "lines": seed == section.seeds[0]},
+            seed + scope.seed,
+        )
+        for wind, seed in section.chosen(scope.quick)
     ]
 
 

@@ -146,8 +146,8 @@ def scores(estimates: dict[str, Floats], flight: ImuExperiment) -> dict[str, dic
     -------
     per method
         ``rmse`` over the whole flight, ``bias`` the mean error from 5 s after the faults' onset to
-        their end, ``largest`` the largest error, ``quiet`` the standard deviation before the
-        faults; each (6,) float64 [m/s^2, rad/s].
+        their end, ``largest`` the largest error; before the faults ``before`` is the root mean
+        square error and ``quiet`` the standard deviation. Each (6,) float64 [m/s^2, rad/s].
     """
     t, f = flight.t_s[1:], flight.f[1:]
     on = np.flatnonzero(np.any(f != 0.0, axis=1))
@@ -160,6 +160,7 @@ def scores(estimates: dict[str, Floats], flight: ImuExperiment) -> dict[str, dic
             "rmse": np.sqrt(np.mean(error**2, axis=0)),
             "bias": np.mean(error[late], axis=0) if late.any() else np.zeros(6),
             "largest": np.abs(error).max(axis=0),
+            "before": np.sqrt(np.mean(error[quiet] ** 2, axis=0)),
             "quiet": np.std(estimate[quiet], axis=0),
         }
     return out

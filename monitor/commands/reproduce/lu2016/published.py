@@ -10,11 +10,14 @@ from math import degrees
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "AXES",
     "LEVEL_RATIO",
     "PARABOLIC_GYRO_RAD_S",
+    "TABLE_1_STD",
+    "TABLE_2",
     "TRIAL_LATENCY_M_S2",
     "TRIAL_QUIET_M_S2",
     "TRIAL_RMSE",
@@ -27,10 +30,24 @@ UNITS: Final = ("m/s²", "m/s²", "m/s²", "deg/s", "deg/s", "deg/s")
 SHOWN: Final = np.array([1.0] * 3 + [degrees(1.0)] * 3)
 
 
-def shown(values: object) -> np.ndarray:
+def shown(values: ArrayLike) -> NDArray[np.float64]:
     """Faults or errors [m/s^2, rad/s] in the units of the report [m/s^2, deg/s]."""
-    return np.asarray(values, dtype=np.float64) * SHOWN
+    scaled: NDArray[np.float64] = np.asarray(values, dtype=np.float64) * SHOWN
+    return scaled
 
+
+TABLE_1_STD: Final = ("0.01",) * 6
+"""Noise of one sample of each input [m/s^2, deg/s]."""
+
+TABLE_2: Final = (
+    "3",
+    "0.1 (t - 10)",
+    "4 sin(0.5π t)",
+    "1.5",
+    "1 sin(0.5π (t - 10))",
+    "3",
+)
+"""The faults between 10 and 30 s [m/s^2, deg/s]."""
 
 LEVEL_RATIO: Final = 2.0
 """Section 5.1: the RMSE of f_Az with the airspeed model is "almost twice" the other's."""

@@ -1,0 +1,126 @@
+"""From residuals of healthy flights to the covariance, and from estimated faults to flags.
+
+========  ==================================================================  ==========  =========
+symbol    meaning                                                             shape       samar2006
+========  ==================================================================  ==========  =========
+y, S      residuals and signatures (:mod:`estimators.wing_residuals`)         (n,6)(n,6,4) (7)
+Q         covariance used in the estimator                                    (6, 6)      (9)
+f         estimated faults, %, order of :data:`estimators.wing_model.FAULTS`  (n, 4)      III-B
+========  ==================================================================  ==========  =========
+
+Residuals of a healthy aircraft are wind that is not known and coefficients that are not right. Wind
+hits both wings: sideslip moves side force, roll and yaw in one fixed proportion, angle of attack
+the other three, so that Q is nearly of rank two and says which combinations of residuals are wind.
+:data:`EXTRA` of its diagonal is added lest the estimator trust the remaining ones without bound.
+
+What is left of the wind after that looks like the same damage on both wings. A *difference* between
+the wings is therefore believed at a fraction of the size at which a wing's own estimate is:
+:class:`Thresholds`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.monotone_map import CONTINUED, MapTuning
+
+__all__ = [
+    "EXTRA",
+    "Thresholds",
+    "flagged",
+    "lag_one",
+    "level_std",
+    "map_tuning",
+    "residual_covariance",
+    "second_moment",
+]
+
+Array = NDArray[np.float64]
+
+EXTRA = 0.1
+"""Share of the second moments' diagonal that is added to them."""
+LAM_PERCENT = 1.0
+"""Mean growth of each fault from row to row, half a second."""
+R_PERCENT2 = 1.0
+"""Variance of a window's first point about the estimate of the window before."""
+WINDOW = 50
+"""Rows of the moving window; samar2006 IV-B."""
+
+
+def second_moment(y: Array) -> Array:
+    """Mean of y y' over healthy rows (n, 6): a constant error of the model counts as noise."""
+    return np.asarray(y.T @ y / len(y))
+
+
+def residual_covariance(y: Array, extra: float = EXTRA) -> Array:
+    """Q of healthy residuals (n, 6): second moments plus a share of their diagonal."""
+    Q = second_moment(y)
+    return np.asarray(Q + extra * np.diag(np.diag(Q)))
+
+
+def lag_one(y: Array) -> Array:
+    """Correlation of each residual with the next row's, (6,)."""
+    z = y - y.mean(axis=0)
+    return np.asarray(np.sum(z[1:] * z[:-1], axis=0) / np.sum(z * z, axis=0))
+
+
+def map_tuning(Q: Array, *, N: int = WINDOW, prior: int = CONTINUED) -> MapTuning:
+    """The estimator's tuning for four faults in % at a covariance."""
+    return MapTuning(Q=Q, lam=np.full(4, LAM_PERCENT), R=R_PERCENT2 * np.eye(4), N=N, prior=prior)
+
+
+def level_std(S: Array, Q: Array, noise: Array, correlation: float) -> Array:
+    """Standard deviation of faults that are constant over a window, (4,) [%].
+
+    Parameters
+    ----------
+    S : (N, 6, 4) float64
+        Signatures of the window's rows.
+    Q : (6, 6) float64
+        Covariance that weights the rows.
+    noise : (6, 6) float64
+        Covariance that the rows have.
+    correlation
+        Of one row's noise with the next; the estimator takes it for zero, the result does not.
+    """
+    WS = np.linalg.solve(Q, S)
+    information = np.einsum("kai,kaj->ij", S, WS)
+    total = np.zeros((4, 4))
+    past = np.zeros((6, 4))
+    for row in WS:
+        cross = row.T @ noise @ past
+        total += row.T @ noise @ row + cross + cross.T
+        past = correlation * (past + row)
+        # past is the sum of correlation^(distance to the next row) times the earlier rows
+    spread = np.linalg.solve(information, total)
+    return np.asarray(np.sqrt(np.diag(np.linalg.solve(information, spread.T))))
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Estimates, in %, above which a wing is flagged.
+
+    Attributes
+    ----------
+    lift, drag
+        A wing's own estimate.
+    lift_apart, drag_apart
+        Its excess over the other wing's.
+    """
+
+    lift: float = 8.0
+    drag: float = 28.0
+    lift_apart: float = 2.0
+    drag_apart: float = 5.0
+
+
+def flagged(f: Array, thresholds: Thresholds) -> NDArray[np.bool_]:
+    """Which of the estimates f (n, 4) are flagged, (n, 4)."""
+    t = thresholds
+    alone = np.array([t.lift, t.drag, t.lift, t.drag])
+    apart = np.array([t.lift_apart, t.drag_apart, t.lift_apart, t.drag_apart])
+    other = f[:, [2, 3, 0, 1]]
+    return np.asarray((f > alone) | (f - other > apart))
