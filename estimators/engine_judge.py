@@ -15,7 +15,8 @@ MODEL       a model of throttle and airspeed: whether each reading fits
 symbol     meaning                                                                    unit
 =========  =========================================================================  ======
 w          probability that a reading is right, of the intermittent-measurement       1
-           filter; a reading is wrong when w < 1/2 or beyond its range
+           filter; it is wrong when w < 1/2 and it is outside what the model
+           gave in the last moments, or when it is beyond its range
 share      of wrong readings over `wrong_s`                                           1
 usual      mean reading of a channel while it works                                   rpm
 tie        share of a reading's variance that the throttle explains                   1
@@ -60,11 +61,36 @@ from estimators.engine_ticks import (
 from estimators.jit import kernel
 
 __all__ = [
-    "BARE", "CAUSE_CUT", "CAUSE_DEAD", "CAUSE_DISAGREE", "CAUSE_FELL", "CAUSE_NO_POWER",
-    "CAUSE_NONE", "CAUSE_STUCK", "CAUSE_UNDECIDED", "CAUSE_WRONG", "FAULTY", "G_NONE", "Groups",
-    "JudgeRules", "Judged", "MODEL", "N_GROUPS", "N_LOG", "OK", "PEERS", "REASON_GROUND",
-    "REASON_LEARNING", "REASON_MODEL", "REASON_NONE", "REASON_THROTTLE", "STOPPED", "SUSPECT",
-    "UNMONITORED", "judge", "new_judged",
+    "BARE",
+    "CAUSE_CUT",
+    "CAUSE_DEAD",
+    "CAUSE_DISAGREE",
+    "CAUSE_FELL",
+    "CAUSE_NONE",
+    "CAUSE_NO_POWER",
+    "CAUSE_STUCK",
+    "CAUSE_UNDECIDED",
+    "CAUSE_WRONG",
+    "FAULTY",
+    "G_NONE",
+    "MODEL",
+    "N_GROUPS",
+    "N_LOG",
+    "OK",
+    "PEERS",
+    "REASON_GROUND",
+    "REASON_LEARNING",
+    "REASON_MODEL",
+    "REASON_NONE",
+    "REASON_THROTTLE",
+    "STOPPED",
+    "SUSPECT",
+    "UNMONITORED",
+    "Groups",
+    "JudgeRules",
+    "Judged",
+    "judge",
+    "new_judged",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -82,6 +108,8 @@ REASON_NONE, REASON_GROUND, REASON_LEARNING, REASON_THROTTLE, REASON_MODEL = (
  CAUSE_NO_POWER, CAUSE_CUT) = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)  # fmt: skip
 
 FRESH_S = 2.0
+OUTSIDE = 3.0
+"""A reading is wrong only so many deviations outside its limits."""
 FOLLOW_S = 0.5
 """A speed follows the throttle within this, for the tie."""
 TIE_S = 60.0
@@ -105,15 +133,15 @@ mean."""
 
 # Columns of the log.
 (L_T, L_ENGINE, L_INDEX, L_STATUS, L_REASON, L_CAUSE, L_ONSET, L_STAT, L_LIMIT, L_SHOWN, L_EXPECT,
- L_SPREAD, L_SHARE, L_THROTTLE, L_POWER, L_AGAIN) = range(16)  # fmt: skip
+ L_SPREAD, L_SAME, L_THROTTLE, L_POWER, L_AGAIN) = range(16)  # fmt: skip
 N_LOG = 16
 
 # Scalars of a channel.
 (STATUS, REASON, SHARE, T_LAST, WRONGS, ONSET, CLEAN, VALUE, SAME, T_LOW, T_HIGH, MOVED, USUAL,
- M_T, M_Y, V_T, V_Y, C_TY, TIME, B_MEAN, B_SQ, TURNS, WAS, LOW, FLYING_SEEN) = range(25)  # fmt: skip
+ M_T, M_Y, V_T, V_Y, C_TY, TIME, B_MEAN, B_OFF, B_SQ, TURNS, WAS, LOW) = range(25)  # fmt: skip
 N_SCALARS = 25
 # Scalars of a group.
-PENDING, ODDS, RUNNING_AGAIN, HALTED, ALL_LOW = range(5)
+PENDING, ODDS, RUNNING_AGAIN, HALTED, ALL_LOW, TOLD = range(6)
 # Scalars of all.
 A_FLYING, E_STATUS, E_CAUSE, E_SINCE, LOSING, LOST, CUT, FOLLOWED, E_REASON = range(9)
 
@@ -132,6 +160,7 @@ class JudgeRules(NamedTuple):
     dead_share: float
     low_share: float
     decide_margin: float
+    decide_information: float
     stop_probability: float
     no_power_s: float
     no_power_throttle: float
@@ -164,7 +193,7 @@ class Groups(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """All memory: of channels (16, 25), of groups (20, 5), of all (9,), of the power line (8,)."""
+    """All memory: of channels (16, 25), of groups (20, 6), of all (9,), of the power line (8,)."""
 
     c: Array
     g: Array
@@ -176,7 +205,7 @@ def new_judged() -> Judged:
     """Nothing seen, on the ground."""
     c = np.zeros((N_CHANNELS, N_SCALARS))
     c[:, [T_LAST, ONSET, CLEAN, SAME, MOVED, USUAL, LOW]] = np.nan
-    g = np.zeros((N_GROUPS, 5))
+    g = np.zeros((N_GROUPS, 6))
     g[:, [PENDING, RUNNING_AGAIN]] = np.nan
     s = np.zeros(9)
     s[[LOSING, CUT]] = np.nan
@@ -221,8 +250,8 @@ def _blame(
     n = _say(log, n, t, 0.0, index, status, REASON_NONE, cause)
     row = log[n - 1]
     row[L_ONSET], row[L_STAT], row[L_LIMIT], row[L_SHOWN] = onset, stat, limit, shown
-    row[L_EXPECT], row[L_SHARE], row[L_THROTTLE] = expect, c[SHARE], throttle
-    row[L_SPREAD] = math.sqrt(max(c[B_SQ] - c[B_MEAN] * c[B_MEAN], 0.0))
+    row[L_EXPECT], row[L_SAME], row[L_THROTTLE] = expect, t - c[SAME], throttle
+    row[L_SPREAD] = math.sqrt(max(c[B_SQ] - c[B_OFF] * c[B_OFF], 0.0))
     return n
 
 
@@ -252,9 +281,15 @@ def _turns(c: Array, throttle: float) -> bool:
 
 
 @kernel
+def _expected(c: Array, kind: int, mu: float) -> float:
+    """What a channel should show now, as far as it is known [rpm]."""
+    return mu if kind != BARE else c[USUAL]
+
+
+@kernel
 def _reading(
-    c: Array, r: JudgeRules, kind: int, t: float, y: float, w: float, mu: float, sd: float,
-    top: float, throttle: float,
+    c: Array, r: JudgeRules, kind: int, t: float, y: float, w: float, least: float, most: float,
+    mu: float, sd: float, top: float, throttle: float,
 ) -> None:  # fmt: skip
     """Use a channel's reading in flight: wrong or not, low or not, same or not."""
     y = max(y, 0.0)
@@ -272,23 +307,26 @@ def _reading(
     if math.isnan(c[USUAL]):
         c[USUAL] = y
     if kind == MODEL:
-        low = y < mu - max(4.0 * sd, r.low_share * top) and not w >= 0.5
+        low = y < least - max(4.0 * sd, r.low_share * top) and not w >= 0.5
     else:
         low = y < r.dead_share * c[USUAL] and throttle > USUAL_THROTTLE_SHARE * c[M_T]
         low = low and _tied(c, r)
-    if not low:
-        c[LOW] = np.nan
-    elif math.isnan(c[LOW]):
-        c[LOW] = t
-    wrong = y > top or w < 0.5
+    if math.isnan(c[LOW]):
+        if low:
+            c[LOW] = t
+    elif not low and y >= r.dead_share * c[USUAL]:
+        c[LOW] = np.nan  # what idles lower than that for a moment does not recover
+    wrong = y > top or (w < 0.5 and (y < least - OUTSIDE * sd or y > most + OUTSIDE * sd))
     step = 1.0 - math.exp(-dt / r.wrong_s)
     c[SHARE] += step * ((1.0 if wrong else 0.0) - c[SHARE])
     if wrong:
         if c[WRONGS] == 0.0:
-            c[ONSET], c[B_MEAN], c[B_SQ], c[TURNS] = t, y, y * y, 0.0
+            c[ONSET], c[B_MEAN], c[B_OFF], c[B_SQ], c[TURNS] = t, 0.0, 0.0, 0.0, 0.0
         c[WRONGS] += 1.0
+        off = y - _expected(c, kind, mu)
         c[B_MEAN] += (y - c[B_MEAN]) / c[WRONGS]
-        c[B_SQ] += (y * y - c[B_SQ]) / c[WRONGS]
+        c[B_OFF] += (off - c[B_OFF]) / c[WRONGS]
+        c[B_SQ] += (off * off - c[B_SQ]) / c[WRONGS]
         c[CLEAN] = np.nan
     else:
         if c[WAS] > 0.5:
@@ -315,12 +353,6 @@ def _reading(
 
 
 @kernel
-def _expected(c: Array, kind: int, mu: float) -> float:
-    """What a channel should show now, as far as it is known [rpm]."""
-    return mu if kind != BARE else c[USUAL]
-
-
-@kernel
 def _channel(
     j: Judged, r: JudgeRules, k: Groups, i: int, t: float, mu: float, throttle: float, now: bool,
     log: Array, n: int,
@@ -330,7 +362,7 @@ def _channel(
     kind = k.kind[group]
     expect = _expected(c, kind, mu)
     stuck = t - c[SAME] >= r.stuck_s and t - c[MOVED] >= MOVED_S and math.isnan(c[LOW])
-    stuck = stuck and (kind == MODEL or _tied(c, r))
+    stuck = stuck and (kind == MODEL or _tied(c, r)) and c[VALUE] > r.dead_share * c[USUAL]
     if c[STATUS] == FAULTY:
         fits = c[WAS] < 0.5 and math.isnan(c[LOW]) and not stuck
         if kind != MODEL and c[VALUE] < r.dead_share * c[USUAL]:
@@ -358,7 +390,7 @@ def _channel(
             return _blame(c, log, n, t, i, SUSPECT, CAUSE_DISAGREE, c[ONSET], c[SHARE],
                           r.wrong_share, c[VALUE], expect, throttle)  # fmt: skip
         return _blame(c, log, n, t, i, FAULTY, CAUSE_WRONG, c[ONSET], c[SHARE], r.wrong_share,
-                      c[B_MEAN], expect, throttle)  # fmt: skip
+                      c[B_MEAN], c[B_MEAN] - c[B_OFF], throttle)  # fmt: skip
     status, reason = _resting(c, kind, throttle)
     calm = math.isnan(c[LOW]) and c[SHARE] < 0.5 * r.wrong_share
     if c[STATUS] != SUSPECT or calm:
@@ -435,21 +467,24 @@ def _group(
     if math.isnan(g[PENDING]):
         if t - since < LOW_S:
             return n
-        g[PENDING], g[ODDS] = since, odds
+        g[PENDING], g[ODDS], g[TOLD] = since, odds, 0.0
     tau = t - g[PENDING]
-    g[ODDS] += evidence(j.power, r.power, x[X_THROTTLE_T], x[X_P], x[X_PG], tau)
+    says, could = evidence(j.power, r.power, x[X_THROTTLE_T], x[X_P], x[X_PG], tau)
+    g[ODDS] += says
+    g[TOLD] += could
+    settled = abs(g[ODDS]) > r.decide_margin and g[TOLD] > r.decide_information
     for i in range(N_CHANNELS):
         c = j.c[i]
         if k.of[i] != group or math.isnan(c[LOW]) or c[STATUS] == FAULTY:
             continue
         expect = _expected(c, k.kind[group], mu[i])
-        if abs(g[ODDS]) <= r.decide_margin or tau < r.power.power_s:
+        if not settled:
             n = _blame(c, log, n, t, i, SUSPECT, CAUSE_UNDECIDED, g[PENDING], abs(g[ODDS]),
                        r.decide_margin, c[VALUE], expect, throttle)  # fmt: skip
         elif g[ODDS] < 0.0:
             n = _blame(c, log, n, t, i, FAULTY, CAUSE_DEAD, g[PENDING], -g[ODDS], r.decide_margin,
                        c[VALUE], expect, throttle)  # fmt: skip
-    if g[ODDS] > r.decide_margin and tau >= r.power.power_s:
+    if settled and g[ODDS] > 0.0:
         g[HALTED], g[RUNNING_AGAIN] = 1.0, np.nan
         if not (engine == 0 and j.s[E_STATUS] == STOPPED):
             n = _stop(j, k, t, engine, CAUSE_FELL, g[PENDING], g[ODDS], r.decide_margin, throttle,
@@ -546,8 +581,8 @@ def _halted_speed(j: Judged, k: Groups, shaft: int) -> float:
 
 @kernel
 def judge(
-    j: Judged, r: JudgeRules, k: Groups, table: Array, y: Array, w: Array, mu: Array, sd: Array,
-    halted: Array, log: Array,
+    j: Judged, r: JudgeRules, k: Groups, table: Array, y: Array, w: Array, least: Array,
+    most: Array, mu: Array, sd: Array, halted: Array, log: Array,
 ) -> int:  # fmt: skip
     """Use closed steps; return how many rows of `log` were written.
 
@@ -555,8 +590,10 @@ def judge(
     ----------
     table, y : (K, 12), (K, 16) float64
         Of :func:`estimators.engine_ticks.gather`.
-    w, mu, sd : (K, 16) float64 [1], [rpm], [rpm]
-        Of the channels that a model or peers speak for; NaN for the others.
+    w, least, most, mu, sd : (K, 16) float64 [1], [rpm] ...
+        Of the channels that a model or peers speak for, NaN for the others: probability that the
+        reading is right; least and most that it may be, given that reading and throttle are not
+        quite of one moment; mean, and standard deviation beside those limits.
     halted : (K, 4) float64 [rpm]
         Receives what the channels of a configured shaft show while its engine has stopped; else NaN.
     log : (6 K + 64, 16) float64
@@ -590,8 +627,9 @@ def judge(
                 own = x[X_THROTTLE + k.throttle[group]]
                 followed = j.s[FOLLOWED] if k.throttle[group] == 0 else own
                 top = k.range[i] if k.kind[group] != BARE else NO_SUCH_RPM
-                _reading(c, r, k.kind[group], t, y[step, i], w[step, i], mu[step, i], sd[step, i],
-                         top, np.nan if math.isnan(own) else followed)  # fmt: skip
+                _reading(c, r, k.kind[group], t, y[step, i], w[step, i], least[step, i],
+                         most[step, i], mu[step, i], sd[step, i], top,
+                         np.nan if math.isnan(own) else followed)  # fmt: skip
         for shaft in range(N_SHAFTS):
             halted[step, shaft] = _halted_speed(j, k, shaft)
         if not flying:

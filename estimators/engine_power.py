@@ -72,7 +72,7 @@ def forget(m: Array) -> None:
 
 @kernel
 def mean_power(m: Array, p: float, p_g: float) -> tuple[float, float]:
-    """p and p_g by their variances, and the variance of that [m/s], [m^2/s^2]."""
+    """P and p_g by their variances, and the variance of that [m/s], [m^2/s^2]."""
     w, w_g = 1.0 / m[P_S2], 1.0 / m[P_S2G]
     return (w * p + w_g * p_g) / (w + w_g), 1.0 / (w + w_g)
 
@@ -116,13 +116,20 @@ def learn(m: Array, r: PowerRules, V: float, t: float, p: float, p_g: float) -> 
 
 
 @kernel
-def evidence(m: Array, r: PowerRules, t: float, p: float, p_g: float, tau: float) -> float:
-    """What this step adds to LLR [nat]; 0 while the line is not known."""
+def evidence(
+    m: Array, r: PowerRules, t: float, p: float, p_g: float, tau: float
+) -> tuple[float, float]:
+    """What this step adds to LLR, and to what LLR can be expected to be [nat].
+
+    Both 0 while the line is not known. The second is the mean of LLR if the engine stopped, and of
+    -LLR if it runs: how much the throttle in these seconds could tell at all.
+    """
     if m[P_KNOWN_S] < LEARN_S or math.isnan(p):
-        return 0.0
+        return 0.0, 0.0
     gain = max(m[P_B] * t, 0.0)
     both, var = mean_power(m, p, p_g)
     var += m[P_AA] + 2.0 * t * m[P_AB] + t * t * m[P_BB]
     runs = both - m[P_A] - gain
     stopped = both - m[P_A] - gain * math.exp(-tau / r.power_s)
-    return r.tick_s / r.power_s * 0.5 * (runs * runs - stopped * stopped) / var
+    weight = r.tick_s / r.power_s * 0.5 / var
+    return weight * (runs * runs - stopped * stopped), weight * (runs - stopped) ** 2

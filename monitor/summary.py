@@ -46,7 +46,8 @@ def faults(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
 def events(verdicts: Iterable[Verdict], first_us: int) -> list[dict[str, Any]]:
     """What happened to the aircraft itself, no sensor being at fault: engines that stopped.
 
-    In order of detection, each from ``stopped`` to the next ``ok``; parameters as of :func:`faults`.
+    In order of detection, each from ``stopped`` to the next ``ok``; parameters as of
+    :func:`faults`.
     """
     out: list[dict[str, Any]] = []
     standing: dict[str, dict[str, Any]] = {}

@@ -12,6 +12,7 @@ from monitor.commands.common import ConfigFile, Profile, Refused, console, note,
 
 if TYPE_CHECKING:
     from monitor.learn import Change, Flight, Learnt
+    from monitor.learn.engine import EngineLearnt
     from monitor.settings import Settings
 
 __all__ = ["app"]
@@ -79,6 +80,84 @@ def thresholds(
     except OSError as error:
         raise Refused(f"cannot write {out}: {error.strerror}") from None
     _show(learnt, len(logs), out)
+
+
+@app.command()
+def engine(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Healthy flights of one airframe.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE.toml", help="File to write.")],
+    profile: Profile = None,
+    config: ConfigFile = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Fit the engine model of a piston or electric aircraft to its healthy flights.
+
+    Speed follows throttle and airspeed. The file of --config is carried along; where it says which
+    channel measures which shaft, that stands. Example: mavsentry learn engine healthy/*.tlog --out
+    engine.toml
+    """
+    import tomllib
+
+    from links.logs import LogError
+    from monitor.learn.engine import learn_engine, measure_engine
+    from monitor.learn.engine_document import engine_document
+    from monitor.learn.thresholds import Unfit
+    from monitor.settings import SettingsError, load
+
+    try:
+        settings = load(profile, config)
+    except SettingsError as error:
+        raise Refused(str(error)) from None
+    if out.exists() and not force:
+        raise Refused(f"{out} is there already; --force overwrites it")
+    carried = tomllib.loads(config.read_text("utf-8")) if config is not None else {}
+    try:
+        flights = []
+        with progress("engine speeds") as tell:
+            for k, log in enumerate(logs):
+                flights.append(
+                    measure_engine(
+                        log,
+                        settings,
+                        lambda done, of, k=k: tell((k + done / max(of, 1)) / len(logs)),  # type: ignore[misc]
+                    )
+                )
+        learnt = learn_engine(flights, settings)
+    except (Unfit, LogError) as error:
+        raise Refused(str(error)) from None
+    try:
+        out.write_text(
+            engine_document(learnt, {"profile": settings.profile} | carried), encoding="utf-8"
+        )
+    except OSError as error:
+        raise Refused(f"cannot write {out}: {error.strerror}") from None
+    _show_engine(learnt, out)
+
+
+def _show_engine(learnt: EngineLearnt, out: Path) -> None:
+    """The model in a few lines."""
+    fit, screen = learnt.fit, console()
+    screen.print(
+        f"{len(learnt.flights)} flights, {learnt.seconds / 60.0:.1f} min in the air: throttle and "
+        f"airspeed explain {100.0 * fit.explained:.1f} % of the engine speed, time constant "
+        f"{fit.time_constant_s:.2g} s, error {fit.rms_rpm:.3g} rpm",
+        soft_wrap=True,
+    )
+    if not math.isnan(fit.crossed_rpm):
+        screen.print(f"on flights left out of the fit: error {fit.crossed_rpm:.3g} rpm")
+    for sensor, channel in learnt.channels.items():
+        screen.print(
+            f"  {sensor}: shaft {channel.shaft}, range {channel.range_rpm:.0f} rpm, noise "
+            f"{channel.noise_rpm:.3g} rpm"
+        )
+    if learnt.alike:
+        screen.print(
+            f"  {' and '.join(learnt.alike)} read the same: taken for channels of one shaft",
+            soft_wrap=True,
+        )
+    screen.print(f"wrote {out}: use it with --config {out}", soft_wrap=True)
 
 
 def _show(learnt: Learnt, flights: int, out: Path) -> None:

@@ -93,8 +93,8 @@ class EngineSettings(Section):
     throttle_channels: tuple[int, ...] = Field(
         (),
         max_length=N_SHAFTS,
-        description="Servo output of each shaft's throttle; one serves all. Empty: the output whose "
-        "SERVOn_FUNCTION says throttle, 3 while no such parameter was heard.",
+        description="Servo output of each shaft's throttle; one serves all. Empty: the output "
+        "whose SERVOn_FUNCTION says throttle, 3 while no such parameter was heard.",
     )
     throttle_idle_us: float = Field(
         1000.0, ge=500, le=2500, description="Pulse at throttle 0, without SERVOn_MIN [us]."
@@ -104,6 +104,12 @@ class EngineSettings(Section):
     )
     tick_s: float = Field(
         0.05, ge=0.01, le=0.5, description="Step of the engine's estimate and of the decisions [s]."
+    )
+    timing_s: float = Field(
+        0.3,
+        gt=0,
+        description="How old a reading may be when it comes, against the throttle's [s]: RPM, "
+        "EFI_STATUS and ESC_TELEMETRY carry no time of their own.",
     )
     memory_s: float = Field(
         0.5, gt=0, description="Time over which a channel's credit follows its readings [s]."
@@ -158,8 +164,14 @@ class EngineSettings(Section):
         description="Log odds at which it is settled whether the engine stopped or its channels "
         "failed: 20 to 1.",
     )
+    decide_information: float = Field(
+        5.0,
+        gt=0,
+        description="And so much the throttle must have let the aircraft's energy tell, log odds "
+        "to be expected: a few seconds at cruise, for ever at idle.",
+    )
     stop_probability: float = Field(
-        1e-4,
+        1e-3,
         gt=0,
         lt=0.5,
         description="Prior probability of an engine stopping at the moment its speed falls.",

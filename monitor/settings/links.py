@@ -98,8 +98,8 @@ class LinkSettings(Section):
     spools: dict[str, SpoolSource] = Field(
         default_factory=dict,
         description="Engine-speed channel (spool0 ...) -> where it comes from. Empty: RPM, "
-        "RAW_RPM, EFI_STATUS, ESC_TELEMETRY or NAMED_VALUE_FLOAT, the first that speaks; of several that "
-        "measure one shaft each can be a channel of its own only by its name here.",
+        "RAW_RPM, EFI_STATUS, ESC_TELEMETRY or NAMED_VALUE_FLOAT, the first that speaks; of "
+        "several that measure one shaft each can be a channel of its own only by its name here.",
     )
     source_timeout_s: float = Field(
         2.0,

@@ -82,14 +82,25 @@ class EngineWatch:
     def _judge(self, table: Array, y: Array) -> StepResult:
         """The filters and the judgement over closed steps."""
         steps, epoch_us = len(table), self._epoch_us or 0
-        w, mu, sd = np.full((3, steps, et.N_CHANNELS), np.nan)
+        w, least, most, mu, sd = np.full((5, steps, et.N_CHANNELS), np.nan)
         speed, std = np.full((2, steps, et.N_SHAFTS), np.nan)
         for unit in self._units:
-            self._estimate(unit, table, y, (w, mu, sd), (speed, std))
+            self._estimate(unit, table, y, (w, least, most, mu, sd), (speed, std))
         halted = np.empty((steps, et.N_SHAFTS))
         log = np.empty((6 * steps + 64, ej.N_LOG))
         said = ej.judge(
-            self._judged, self._judge_rules, self._groups, table, y, w, mu, sd, halted, log
+            self._judged,
+            self._judge_rules,
+            self._groups,
+            table,
+            y,
+            w,
+            least,
+            most,
+            mu,
+            sd,
+            halted,
+            log,
         )
         result = StepResult([verdict(row, epoch_us) for row in log[:said]])
         first = -self._closed % self._every
@@ -108,17 +119,19 @@ class EngineWatch:
         unit: Unit,
         table: Array,
         y: Array,
-        channels: tuple[Array, Array, Array],
+        channels: tuple[Array, ...],
         shafts: tuple[Array, Array],
     ) -> None:
         """One filter: what its channels should read, and the speeds of its shafts."""
-        w, mu, sd = channels
+        w, least, most, mu, sd = channels
         own, model = unit.channels, unit.model
         heard = np.maximum(y[:, own], 0.0)  # -1 is an RPM message's word for no pulses
-        track = unit.filter.run(unit.inputs(table), heard)
-        w[:, own] = track.works
+        inputs = unit.inputs(table)
+        track = unit.filter.run(inputs, heard)
         C = model.linear.C
-        mu[:, own] = track.x @ C.T
+        expected = track.x @ C.T
+        w[:, own], mu[:, own] = track.works, expected
+        least[:, own], most[:, own] = unit.limits(inputs, track.x, expected)
         sd[:, own] = np.sqrt(np.einsum("ia,kab,ib->ki", C, track.P, C) + model.linear.r)
         shafts[0][:, unit.shafts] = np.maximum(track.x @ model.G.T, 0.0)
         shafts[1][:, unit.shafts] = np.sqrt(np.einsum("ia,kab,ib->ki", model.G, track.P, model.G))

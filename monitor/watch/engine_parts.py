@@ -56,6 +56,7 @@ def judge_rules(s: EngineSettings) -> ej.JudgeRules:
         dead_share=s.dead_share,
         low_share=s.low_share,
         decide_margin=s.decide_margin,
+        decide_information=s.decide_information,
         stop_probability=s.stop_probability,
         no_power_s=s.no_power_s,
         no_power_throttle=s.no_power_throttle,
@@ -106,6 +107,10 @@ class Unit:
         The settings' word for the model.
     nozzle_area
         Of a two-spool engine without a servo for it; None with one.
+    coefficients : (5,) float64
+        Of the single-shaft curve.
+    past : (h, m) float64 [rpm]
+        What the channels should have read in the last moments, NaN before there were any.
     """
 
     model: EngineModel
@@ -115,6 +120,8 @@ class Unit:
     throttle: int
     kind: str
     nozzle_area: float | None
+    coefficients: Array
+    past: Array
 
     def inputs(self, table: Array) -> Array:
         """Inputs of the steps, (K, r) float64."""
@@ -127,6 +134,23 @@ class Unit:
                 nozzle = np.full_like(throttle, self.nozzle_area)
             return np.column_stack([throttle, nozzle])
         return np.zeros((len(table), 1))
+
+    def limits(self, inputs: Array, x: Array, expected: Array) -> tuple[Array, Array]:
+        """Least and most that each channel may read at the steps, each (K, m) float64 [rpm].
+
+        A reading without a stamp of its own is older than it seems, and a throttle output that comes
+        ten times a second may have moved since: what the model gave within the last moments, and
+        where throttle and airspeed are driving it, are both no contradiction.
+        """
+        series = np.concatenate([self.past, expected])
+        windows = np.lib.stride_tricks.sliding_window_view(series, len(self.past) + 1, axis=0)
+        self.past[:] = series[len(series) - len(self.past) :]
+        least, most = np.nanmin(windows, axis=-1), np.nanmax(windows, axis=-1)
+        if self.kind == "single-shaft":
+            driven = inputs @ self.coefficients + x[:, 1]
+            driven = np.where(np.isfinite(driven), np.maximum(driven, 0.0), expected[:, 0])[:, None]
+            least, most = np.minimum(least, driven), np.maximum(most, driven)
+        return least, most
 
 
 def units(s: EngineSettings) -> list[Unit]:
@@ -157,6 +181,8 @@ def units(s: EngineSettings) -> list[Unit]:
                 shaft,
                 s.model,
                 None if s.two_spool.nozzle_channel else s.two_spool.nozzle_area,
+                np.array(s.single_shaft.coefficients),
+                np.full((max(round(s.timing_s / s.tick_s), 1), len(mine)), np.nan),
             )
         )
     return out

@@ -26,9 +26,11 @@ _REASONS = {
     ej.REASON_THROTTLE: Reason.REFERENCE_MISSING,
     ej.REASON_MODEL: Reason.NO_ENGINE_MODEL,
 }
-STEADY = 0.02
-"""Wrong readings that scatter less than this share of the expected speed have one value."""
+STEADY = 0.5
+"""Wrong readings whose errors scatter less than this share of their mean are a bias."""
 ZERO = 0.05
+UNCHANGED_S = 0.5
+"""A fault that has lasted longer than this without a change of the reading is a stuck channel."""
 
 
 def verdict(row: Row, epoch_us: int) -> Verdict:
@@ -64,7 +66,7 @@ def verdict(row: Row, epoch_us: int) -> Verdict:
         sensor,
         state,
         reason=Reason.SENSORS_DISAGREE if cause == ej.CAUSE_DISAGREE else None,
-        kind=_kind(row) if state is State.FAULTY else Kind.UNKNOWN,
+        kind=_kind(row, lasting_s) if state is State.FAULTY else Kind.UNKNOWN,
         onset_t_us=onset_us,
         magnitude=float(row[ej.L_SHOWN] - row[ej.L_EXPECT]),
         unit="rpm",
@@ -75,13 +77,15 @@ def verdict(row: Row, epoch_us: int) -> Verdict:
     )
 
 
-def _kind(row: Row) -> Kind:
+def _kind(row: Row, lasting_s: float) -> Kind:
     cause, shown, expect = (float(row[k]) for k in (ej.L_CAUSE, ej.L_SHOWN, ej.L_EXPECT))
     if cause == ej.CAUSE_STUCK:
         return Kind.STUCK
     if shown < ZERO * expect:
         return Kind.DROPOUT
-    if cause == ej.CAUSE_WRONG and row[ej.L_SPREAD] > STEADY * max(expect, 1.0):
+    if lasting_s > UNCHANGED_S and row[ej.L_SAME] > lasting_s - UNCHANGED_S:
+        return Kind.STUCK
+    if cause == ej.CAUSE_WRONG and row[ej.L_SPREAD] > STEADY * abs(shown - expect):
         return Kind.NOISE
     return Kind.BIAS
 
