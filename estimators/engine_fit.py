@@ -236,8 +236,9 @@ def _split(errors: Sequence[Array], tick_s: float) -> tuple[float, float, Array]
     g /= np.maximum(n, 1.0)
     dt = float(np.median(spacing))
     shared = g.mean(axis=1)
-    rho = min(max(shared[2] / shared[1] if shared[1] > 0.0 else 0.0, 0.05), 0.999)
-    memory_s = min(max(-dt / math.log(rho), SHORTEST_S), LONGEST_S)
+    rho = shared[2] / shared[1] if shared[1] > 0.0 else 0.0
+    rho = min(max(rho, math.exp(-dt / SHORTEST_S)), math.exp(-dt / LONGEST_S))
+    memory_s = -dt / math.log(rho)
     sigma2 = max(shared[1] / rho, 0.0)
     floor = 1e-3 * float(np.nanmax(np.sqrt(g[0]))) ** 2
     noise = np.sqrt(np.maximum(g[0] - sigma2, floor))

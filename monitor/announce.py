@@ -81,12 +81,10 @@ def wording(verdict: Verdict, t_us: int) -> str:
     match verdict.state:
         case State.FAULTY:
             text = f"{sensor} FAULTY: {size_phrase(verdict)}"
-            if verdict.onset_t_us is not None:
-                age_s = max(0, t_us - verdict.onset_t_us) // 1_000_000
-                aged = f"{text} since {age_s} s"
-                text = aged if len(aged) <= TEXT_MAX else text
+            aged = f"{text}{_age(verdict, t_us)}"
+            text = aged if len(aged) <= TEXT_MAX else text
         case State.STOPPED:
-            text = f"{sensor} STOPPED: no power"
+            text = f"{sensor} STOPPED: no power{_age(verdict, t_us)}"
         case State.STALE:
             text = f"{sensor} STALE: its data stopped"
         case State.OK:
@@ -96,6 +94,13 @@ def wording(verdict: Verdict, t_us: int) -> str:
         case _:
             text = f"{sensor} {verdict.state}"
     return text[:TEXT_MAX]
+
+
+def _age(verdict: Verdict, t_us: int) -> str:
+    """``" since 12 s"``, from the onset to now; empty where no onset is known."""
+    if verdict.onset_t_us is None:
+        return ""
+    return f" since {max(0, t_us - verdict.onset_t_us) // 1_000_000} s"
 
 
 def _words(sensors: list[str]) -> list[str]:

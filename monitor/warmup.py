@@ -30,6 +30,7 @@ COMPILING = (
 )
 
 _RATES_HZ = {"imu": 25.0, "attitude": 10.0, "gps": 5.0, "nav": 5.0, "airspeed": 5.0, "baro": 5.0}
+_CRUISE_RPM = 5000.0
 _SENSORS = (
     "imu0",
     "imu1",
@@ -43,6 +44,9 @@ _SENSORS = (
     "aoa1",
     "aoa2",
     "baro0",
+    "servo",
+    "spool0",
+    "demand",
     "sys_status",
     "heartbeat",
 )
@@ -111,6 +115,11 @@ def made_up_flight(speed_m_s: float) -> Batch:
             r["aoa_rad"][late & (name == "aoa0")] += 0.2
         elif name == "baro0":
             r["static_press_pa"], r["temperature_k"] = _STATIC_PRESS_PA + noise, 286.85
+        elif name == "servo":
+            r["pwm_us"][:, 2] = 1500.0 + 100.0 * np.sin(t_s)
+        elif name == "spool0":
+            r["speed_rpm"] = _CRUISE_RPM * (1.0 + 0.2 * np.sin(t_s)) + 5.0 * noise
+            r["speed_rpm"][late] = 0.0
         elif name == "heartbeat":
             r["vehicle_type"], r["autopilot"], r["armed"], r["system_status"] = 1, 3, True, 4
     return Batch(_numbered(rows))

@@ -129,6 +129,12 @@ def _show(analysis: Analysis, file: Path) -> None:
                 fault["evidence"],
             )
         screen.print(table)
+    for event in analysis.summary["events"]:
+        screen.print(
+            f"  {event['what']} {event['state']} at {event['detected_s']:.1f} s: "
+            f"{event['evidence']}",
+            soft_wrap=True,
+        )
     learnt = analysis.summary["learnt"]
     if learnt is not None and learnt["note"] is not None:
         screen.print(f"  note: {learnt['note']}", soft_wrap=True)

@@ -265,8 +265,10 @@ def _differ(flights: Sequence[EngineFlight], i: int, k: int) -> float:
     """Median difference of two channels as a share of their speed."""
     parts = []
     for f in flights:
-        both = np.isfinite(f.y[:, i]) & np.isfinite(f.y[:, k])
-        a, b = f.y[both, i], f.y[both, k]
+        at, there = np.flatnonzero(np.isfinite(f.y[:, i])), np.flatnonzero(np.isfinite(f.y[:, k]))
+        newest = np.searchsorted(there, at, side="right") - 1
+        at, newest = at[newest >= 0], newest[newest >= 0]
+        a, b = f.y[at, i], f.y[there[newest], k]
         parts.append(np.abs(a - b) / np.maximum(np.maximum(a, b), 1.0))
     together = np.concatenate(parts)
     return float(np.median(together)) if len(together) else math.inf

@@ -32,7 +32,9 @@ class PublishSettings(Section):
         "the reconstructed IMU); 0 sends none.",
     )
     values_named: bool = Field(
-        True, description="Send reconstructed air data as NAMED_VALUE_FLOAT R_CAS ... R_WD."
+        True,
+        description="Send reconstructed air data as NAMED_VALUE_FLOAT R_CAS ... R_WD, engine "
+        "speeds as R_N1 ... R_N4.",
     )
     values_standard: bool = Field(
         True,

@@ -81,12 +81,14 @@ def test_the_same_verdicts_for_any_split() -> None:
         assert got + parts.finish().verdicts == expected
 
 
-def test_references_have_a_state_and_spools_wait_for_their_watch(pipeline: Pipeline) -> None:
-    gps, spool = empty_rows("gps0", 1), empty_rows("spool0", 1)
+def test_references_have_a_state_and_spools_a_reason_on_the_ground() -> None:
+    pipeline = Pipeline(Settings())
+    gps, spool = empty_rows("gps0", 1), empty_rows("spool0", 2)
+    spool["t_us"], spool["seq"] = (0, 200_000), (1, 2)
     pipeline.feed(Batch({"gps0": gps, "spool0": spool}))
     pipeline.finish()
     assert pipeline.states()["gps0"].state is State.OK
-    assert pipeline.states()["spool0"].reason is Reason.NO_WATCH
+    assert pipeline.states()["spool0"].reason is Reason.ON_GROUND
 
 
 def test_gps_rows_are_given_at_their_validity_time() -> None:
