@@ -106,11 +106,11 @@ class Channel:
 
 
 def judged_runs(results: Results, which: str = "main") -> list[Judged]:
-    """All judged runs of a set, by number."""
+    """All judged runs of "main", "small" or "fresh", by number."""
     found = [
         run
         for name, result in results.items()
-        if name.startswith(f"parametric/{which}-")
+        if name.startswith(f"parametric/{which}")
         for run in result["runs"]
     ]
     return sorted(found, key=lambda run: int(run["number"]))

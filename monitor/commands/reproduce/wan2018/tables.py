@@ -68,7 +68,7 @@ def summary(results: Results) -> str:
 
 def blocks(results: Results, scope: Scope) -> list[Table | Figure | Text]:
     """Tables and figures, with what was run."""
-    runs, small = judged_runs(results), judged_runs(results, "small")
+    runs, small, fresh = (judged_runs(results, which) for which in ("main", "small", "fresh"))
     n_healthy = sum(r["category"] == "healthy" for r in runs)
     hours = sum(r["duration_s"] for r in runs) / 3600.0
     shown: list[Table | Figure | Text] = [
@@ -93,8 +93,8 @@ def blocks(results: Results, scope: Scope) -> list[Table | Figure | Text]:
         _memory(runs),
         _delays_figure(runs),
     ]
-    if small:
-        shown.append(_small(small))
+    if small and fresh:
+        shown.append(_others(small, fresh))
     if "parametric/examples" in results:
         examples = results["parametric/examples"]
         shown += [_example(kind, examples[kind]) for kind in EXAMPLES]
@@ -129,6 +129,13 @@ def _table_iii(runs: Sequence[dict[str, Any]]) -> Table:
 def _why_error(health: str, name: str, statistic: str, ours: float, paper: float) -> str:
     if ours <= paper:
         return "Ours is not larger."
+    if statistic == "mean" and health == "faulty":
+        return (
+            "Without vanes the vertical wind is angle of attack, W_z/V; and the mean of the "
+            "fault-free runs is larger before."
+            if name == "alpha"
+            else "Airspeeds that fall or rise with all pitots until they are found."
+        )
     if statistic == "mean":
         return (
             "Our sensors have noise (0.2 deg, 0.8 kt) and our air has turbulence of up to 3 kt "
@@ -244,16 +251,23 @@ def _memory(runs: Sequence[dict[str, Any]]) -> Table:
     )
 
 
-def _small(runs: Sequence[dict[str, Any]]) -> Table:
-    channels = [channel_of(runs, OURS, ch) for ch in range(2)]
+def _others(small: Sequence[dict[str, Any]], fresh: Sequence[dict[str, Any]]) -> Table:
+    sets = {"small faults": small, "fresh draws": fresh}
+    channels = {
+        f"{name}, {CHANNELS[ch]}": channel_of(runs, OURS, ch)
+        for name, runs in sets.items()
+        for ch in range(2)
+    }
     rows: list[list[Any]] = [
-        [title, *(getattr(c, key) for c in channels)] for title, key in ROWS if key != "far"
+        [title, *(getattr(c, key) for c in channels.values())] for title, key in ROWS
     ]
+    rows[0][1:3] = [None, None]  # the small ones have no fault-free run
     return Table(
-        "wan2018-small",
-        f"The same {len(runs)} faulty flights with sizes and rates drawn log-uniformly over the "
-        "ranges of Table II, which favours the small and the slow; constrained estimator.",
-        ["quantity", *CHANNELS],
+        "wan2018-others",
+        f"The constrained estimator elsewhere. Small faults: the same {len(small)} faulty flights, "
+        "sizes and rates drawn log-uniformly over the ranges of Table II. Fresh draws: "
+        f"{len(fresh)} runs of other seeds, drawn as those above; nothing was tuned on them.",
+        ["quantity", *channels],
         rows,
     )
 
