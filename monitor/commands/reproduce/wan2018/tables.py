@@ -61,8 +61,8 @@ def summary(results: Results) -> str:
         f"{_pair(ours, 'max_s', 's')} at most (paper: {PAPER[0].mean_s} and {PAPER[1].mean_s} s, "
         f"{PAPER[0].max_s} and {PAPER[1].max_s} s). "
         f"Since a fault could be seen at all, it takes {_pair(ours, 'max_wait_s', 's')} at most. "
-        f"Over everything that Table II allows {_pair(ours, 'mdr_all', '%')} of the runs keep a "
-        "fault that no estimator shows."
+        f"Over everything that Table II allows {_pair(ours, 'mdr_all', '%')} of the runs keep "
+        "a fault that is never found."
     )
 
 
@@ -145,8 +145,9 @@ def _why_error(health: str, name: str, statistic: str, ours: float, paper: float
         return "The strongest of our gusts; the paper's wind profiles are not printed."
     if name == "cas":
         return (
-            "Three pitots that run away alike more slowly than the wind may change are taken for "
-            "wind until its bounds are reached; the paper's draw has no such run."
+            "Pitots that run away alike, or the last good-looking one of three, more slowly than "
+            "the wind may change are taken for wind until its bounds are reached; the paper's draw "
+            "cannot have had such a run."
         )
     return "The vanes are wrong until they are found; the size of that error is the fault's."
 
