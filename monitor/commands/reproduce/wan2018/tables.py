@@ -341,7 +341,7 @@ def claims(results: Results, scope: Scope) -> list[Claim]:
     n_faulty = sum(r["category"] != "healthy" for r in runs)
     n_healthy = len(runs) - n_faulty
     far, fir = (max(getattr(c, k) for c in ours) for k in ("far", "fir"))
-    mdr = max(c.mdr for c in ours)
+    mdr, mdr_all = (max(getattr(c, k) for c in ours) for k in ("mdr", "mdr_all"))
     return [
         Claim(
             "Table IV: no false alarm.",
@@ -351,7 +351,7 @@ def claims(results: Results, scope: Scope) -> list[Claim]:
         ),
         Claim(
             "Table IV: no missed detection.",
-            "does not hold" if mdr > 0.0 else "holds in part",
+            "does not hold" if mdr > 0.0 else "holds in part" if mdr_all > 0.0 else "holds",
             f"Of visible faults {_pair(ours, 'mdr', '%')} of the runs miss one (AOA, VCAS). Of all "
             f"that Table II allows {_pair(ours, 'mdr_all', '%')}: over its full printed range no "
             "zero is reproducible.",
