@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from monitor.commands.reproduce.samar2006 import truth, work
 from monitor.commands.reproduce.samar2006.claims import claims, found_of, worst_final
 from monitor.commands.reproduce.samar2006.figures import figures
 from monitor.commands.reproduce.samar2006.scheme import RIGHT
@@ -16,8 +17,7 @@ from monitor.commands.reproduce.samar2006.tables import (
     steps_table,
     variants_table,
 )
-from monitor.commands.reproduce.samar2006.work import jobs, work
-from monitor.commands.reproduce.study import Chapter, Paper, Results, Scope, Text
+from monitor.commands.reproduce.study import Chapter, Job, Paper, Result, Results, Scope, Text
 from sim_feeds.papers.samar2006 import plan
 
 __all__ = ["PAPER"]
@@ -27,6 +27,16 @@ REFERENCE = (
     "S. Samar, D. Gorinevsky, S. P. Boyd: Embedded Estimation of Fault Parameters in an Unmanned "
     "Aerial Vehicle. IEEE International Conference on Control Applications, 2006."
 )
+
+
+def jobs(scope: Scope) -> list[Job]:
+    """The estimates, and the flights themselves examined."""
+    return [*work.jobs(scope), *truth.jobs(scope)]
+
+
+def perform(job: Job) -> Result:
+    """Do one job."""
+    return truth.work(job) if job.name.startswith("truth/") else work.work(job)
 
 
 def chapter(results: Results, scope: Scope) -> Chapter:
@@ -49,8 +59,14 @@ def chapter(results: Results, scope: Scope) -> Chapter:
         TITLE,
         REFERENCE,
         _summary(results),
-        [*figures(results), tables[0], text, *tables[1:]],
-        claims(results),
+        [
+            *figures(results),
+            *truth.blocks(results, scope),
+            tables[0],
+            text,
+            *tables[1:],
+        ],
+        [*claims(results), *truth.claims(results, scope)],
     )
 
 
@@ -99,4 +115,4 @@ def _forgets(results: Results) -> bool:
     return bool(kept > 1.5 * ours)
 
 
-PAPER = Paper("samar2006", jobs, work, chapter, needs=("jsbsim",))
+PAPER = Paper("samar2006", jobs, perform, chapter, needs=("jsbsim",))

@@ -23,8 +23,10 @@ __all__ = [
     "RIGHT",
     "Residuals",
     "Scheme",
+    "airframe",
     "covariance_rows",
     "estimate",
+    "inputs_from",
     "residuals_of",
     "tuned",
 ]
@@ -87,23 +89,27 @@ def airframe(model: str) -> Airframe:
     return Airframe.of(wrong_numbers(load_airframe("aerosonde"), AERODYNAMIC, seed))
 
 
-def residuals_of(flight: SixDofFlight, model: str, scheme: Scheme) -> Residuals:
-    """Residuals and signatures of a flight."""
-    wind = np.empty_like(flight.wind_ned_m_s)
-    low_passed(flight.t_s, flight.wind_ned_m_s, scheme.tau_wind_s, wind)
-    inputs = inputs_of(
+def inputs_from(flight: SixDofFlight, wind_ned_m_s: Array, scheme: Scheme) -> Array:
+    """Input rows of the prediction model for a flight, with the wind as it is known."""
+    return inputs_of(
         euler_rad=flight.euler_rad,
         vel_ned_m_s=flight.vel_ned_m_s,
         rate_rad_s=flight.rate_rad_s,
         surfaces_rad=np.column_stack([flight.elevator_rad, flight.aileron_rad, flight.rudder_rad]),
         prop_rad_s=flight.prop_rad_s,
-        wind_ned_m_s=wind,
+        wind_ned_m_s=wind_ned_m_s,
         density_kg_m3=flight.density_kg_m3,
         height_m=flight.height_m,
         tas_m_s=flight.tas_m_s if scheme.airspeed else None,
     )
+
+
+def residuals_of(flight: SixDofFlight, model: str, scheme: Scheme) -> Residuals:
+    """Residuals and signatures of a flight."""
+    wind = np.empty_like(flight.wind_ned_m_s)
+    low_passed(flight.t_s, flight.wind_ned_m_s, scheme.tau_wind_s, wind)
     source = WingResiduals(airframe(model), tau_a_s=scheme.tau_acc_s, period_s=scheme.period_s)
-    t, y, S = source.run(flight.t_s, inputs)
+    t, y, S = source.run(flight.t_s, inputs_from(flight, wind, scheme))
     keep = t > SETTLED_S
     return Residuals(t[keep], y[keep], S[keep])
 

@@ -10,19 +10,22 @@ from numpy.typing import NDArray
 from estimators.monotone_map import PRINTED
 from estimators.monotone_qp import SOLVED
 from estimators.wing_faults import Thresholds, flagged, lag_one, level_std, second_moment
-from estimators.wing_model import FAULTS
+from estimators.wing_model import AXES, FAULTS, predict_rows
 from monitor.commands.reproduce.samar2006.scheme import (
     ALARM_MODELS,
     MODELS,
     RIGHT,
     Scheme,
+    airframe,
     covariance_rows,
     estimate,
+    inputs_from,
     residuals_of,
     tuned,
 )
 from monitor.commands.reproduce.study import Job, Result, Scope
 from sim_feeds.papers.samar2006 import fly, plan
+from sim_feeds.sixdof import SixDofFlight
 
 __all__ = ["SHOWN", "VARIANTS", "jobs", "work"]
 
@@ -211,6 +214,7 @@ def _shown(case: str, models: list[str], seed: int) -> Result:
         "std": {},
         "iterations": {},
         "covariance": second_moment(covariance_rows(RIGHT, scheme)),
+        "nonlinearity": _nonlinearity(flight),
     }
     for model in models:
         rows = residuals_of(flight, model, scheme)
@@ -222,3 +226,21 @@ def _shown(case: str, models: list[str], seed: int) -> Result:
         out["iterations"][model] = run.iterations
         out["std"][model] = level_std(window, tuned(model, scheme).Q, moments, correlation)
     return out
+
+
+def _nonlinearity(flight: SixDofFlight) -> float:
+    """Largest difference of secants at 1 % and 40 %, as a share of the largest secant."""
+    x = inputs_from(flight, flight.wind_ned_m_s, Scheme())[::100]
+    c = airframe(RIGHT).row()
+
+    def secants(percent: float) -> Array:
+        healthy, hurt = np.empty((2, len(x), AXES))
+        predict_rows(c, x, np.zeros((len(x), 4)), healthy)
+        out = []
+        for i in range(4):
+            predict_rows(c, x, np.tile(percent * np.eye(4)[i], (len(x), 1)), hurt)
+            out.append((hurt - healthy) / percent)
+        return np.array(out)
+
+    small, large = secants(1.0), secants(40.0)
+    return float(np.abs(large - small).max() / np.abs(small).max())
