@@ -15,6 +15,7 @@ __all__ = [
     "CHANNELS",
     "PAPER",
     "PAPER_ERRORS",
+    "SOON_S",
     "Channel",
     "Paper",
     "channel_of",
@@ -29,6 +30,7 @@ Floats = NDArray[np.float64]
 Judged = dict[str, Any]
 
 CHANNELS: Final = ("AOA", "VCAS")
+SOON_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +100,16 @@ class Channel:
     def mean_s(self) -> float:
         """Mean delay."""
         return float(self.delays_s.mean()) if len(self.delays_s) else 0.0
+
+    @property
+    def soon_s(self) -> Floats:
+        """Delays of the faults that can be seen within :data:`SOON_S` of the onset."""
+        return self.delays_s[self.visible_s <= SOON_S]
+
+    @property
+    def mean_soon_s(self) -> float:
+        """Their mean."""
+        return float(self.soon_s.mean()) if len(self.soon_s) else 0.0
 
     @property
     def max_wait_s(self) -> float:
