@@ -1,4 +1,4 @@
-"""The study of wan2018 VI-B: its runs (:mod:`.parametric_runs`) tables, claims."""
+"""The study of wan2018 VI-B: its runs (:mod:`.parametric_runs`), tables and claims."""
 
 from __future__ import annotations
 
