@@ -79,8 +79,8 @@ HISTORY = 1200
 # slots of the clock array
 (
     C_NEXT, C_FLYING, C_ATT, C_IMU, C_GPS_NEW, C_GPS_T, C_NAV_T, C_NAV_NEW, C_RUNNING, C_COUNT,
-    C_EMIT, C_LAST, C_DOUBT,
-) = range(13)  # fmt: skip
+    C_EMIT, C_LAST, C_DOUBT, C_AGREED,
+) = range(14)  # fmt: skip
 
 
 class StreamLimits(NamedTuple):
@@ -129,7 +129,7 @@ def new_stream() -> Stream:
     """A stream before its first row."""
     z = np.zeros
     s = Stream(
-        new_horizon(N_HORIZON), new_votes(), np.full(13, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
+        new_horizon(N_HORIZON), new_votes(), np.full(14, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
         z(2), z((2, 3, 2)), z((2, 3, 2)), z((3, HISTORY)), z(3),
     )  # fmt: skip
     s.clock[C_NEXT] = np.nan
@@ -237,14 +237,19 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
 
     if clock[C_RUNNING] == 1.0:
         k = int(clock[C_COUNT])
-        if v.lost[1] > 0.0 and lost_before == 0.0:
-            # no pitot is left: the wind returns to where it was before the onset
-            if k > 20:
+        emptied = v.lost[1] > 0.0 and lost_before == 0.0
+        if emptied or v.turned[1] == 1.0:
+            # no pitot is left, or none that was believed: the wind returns to before the onset
+            if emptied and k > 20:
                 for a in range(2):
                     s.W_ref[a] = roll_back(
                         s.wind[a], (k - 1) % HISTORY, min(k, HISTORY), STAGE_S,
                         p.wind.bound_m_s, int(q.change_base_s / STAGE_S), q.change_m_s,
                     )  # fmt: skip
+            # what was estimated since all agreed was the culprits' wind: no band may rest on it
+            for i in range(max(int(clock[C_AGREED]) - 10, k - HISTORY, 0), k):
+                for a in range(2):
+                    s.wind[a, i % HISTORY] = s.W_ref[a]
             for i in range(newest + 1):
                 for a in range(3, 5):
                     z.x[i, a] = s.W_ref[a - 3]
@@ -288,6 +293,7 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
             s.wind[a, k % HISTORY] = z.x[newest, 3 + a]
         if k > 10 and spread[0] < 0.5 and spread[1] < 0.5 and v.lost[1] == 0.0:
             # what all agreed on a second ago; at first as it comes
+            clock[C_AGREED] = k
             for a in range(3):
                 gain = 1.0 / min(k - 9.0, 20.0)
                 s.W_ref[a] += gain * (s.wind[a, (k - 10) % HISTORY] - s.W_ref[a])

@@ -163,6 +163,7 @@ def judge(
         fused[ch, 0] = 0.0
         fused[ch, 1] = 0.0
         spread[ch] = 0.0
+        z.turned[ch] = 0.0
         if n_present == 0:
             continue
         if not flying:
@@ -260,6 +261,7 @@ def judge(
 
         # the votes
         n_before = n_T
+        turned = False
         if not learning and n_T == 3 and n_confirmed > 0:
             z.split[ch] += 1.0
             waited = z.split[ch] * STAGE_S > p.vote_wait_s
@@ -276,6 +278,7 @@ def judge(
                     T[i] = 0.0
                     n_T -= 1
                 elif llr < -p.majority_margin:
+                    turned = True
                     for j in range(3):
                         if j != i and T[j] == 1.0:
                             row = convict(
@@ -324,6 +327,12 @@ def judge(
 
         if n_T < n_before:
             z.split[ch] = 0.0
+        if turned:
+            # what was fused until now was the culprits': it says nothing of the one that is left
+            z.ring_e[ch, :] = 0.0
+            z.ring_fused[ch, :] = 0.0
+            lower(z.flags[ch, 3])
+            z.turned[ch] = 1.0
 
         # all of them against the bounded wind
         n_good = 0

@@ -106,6 +106,7 @@ class Votes(NamedTuple):
     reason: Array  # (2, 3)
     split: Array  # (2,): stages that a pair has disagreed
     lost: Array  # (2,): stages since no sensor of the channel was left
+    turned: Array  # (2,): 1 in the stage in which the majority was found to be wrong
     counters: Array  # [stages, stages flying, flying]
 
 
@@ -115,7 +116,7 @@ def new_votes() -> Votes:
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Votes._fields, sensors)
     shapes |= dict.fromkeys(("ring_r", "ring_m"), (2, 3, LONG))
     shapes |= dict.fromkeys(("ring_fused", "ring_e"), (2, LONG))
-    shapes |= dict.fromkeys(("var_e", "gust", "split", "lost"), (2,))
+    shapes |= dict.fromkeys(("var_e", "gust", "split", "lost", "turned"), (2,))
     shapes |= {"flags": (2, 4, SHORT), "counters": (3,)}
     votes = Votes(**{name: np.zeros(shape) for name, shape in shapes.items()})
     votes.age[:] = 1e9

@@ -91,6 +91,8 @@ START_SLOPE = 0.1
 CRAMPED = 2.0
 """A corrected step this many times shorter than the predictor's is tried again with less of the
 correction. Without it one window in a thousand cycles for ever."""
+LESS = 0.25
+"""Largest share of the correction that the second try takes."""
 
 
 def work_size(N: int, p: int) -> int:
@@ -360,7 +362,7 @@ def solve_monotone(
         weight = 1.0
         for i in range(n):
             second1[i] = v1[i] * dz1[i]
-        while True:
+        for attempt in range(2):
             for i in range(n):
                 h1[i] = (weight * second1[i] - aim) * si1[i]
             if p == 4:
@@ -372,9 +374,9 @@ def solve_monotone(
                 t = -z1[i] - w1[i] * v1[i] - h1[i]
                 dz1[i] = t
                 worst = max(worst, -v1[i] * si1[i], -t / z1[i])
-            if weight < 1.0 or worst * step < CRAMPED:
+            if attempt == 1 or worst * step < CRAMPED:
                 break
-            weight = step * step
+            weight = min(step * step, LESS)
         step = TO_BOUNDARY / worst
         for i in range(n):
             s1[i] += step * v1[i]

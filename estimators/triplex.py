@@ -21,13 +21,13 @@ Differs, each for a reason that a simulated flight shows:
   sample: three sensors that contradict the prediction together are confirmed within n_D samples.
   J has a floor, for a weight 1/J^2 must stay finite.
 * A confirmed fault latches. Without a latch 20-45 kt on all three are flagged in 0.4 s and taken up
-  by the wind after 10 s. A latched sensor comes back when J has stayed below a share of J_th for
-  ``clear_s``.
+  by the wind after 10 s. A latched sensor comes back when for ``clear_s`` J has stayed below a
+  share of J_th and it has read what the others read (:mod:`estimators.triplex_return`).
 * When a whole channel is lost its wind component returns to its value before the onset and is held
   there (nothing observes it any more, and the barrier would pull it to mid-range), with a standard
-  deviation that grows. Sensors come back when at least two agree with each other, their wind lies
-  inside the bounds, and they meet the held wind within 3 sigma and half of the largest residual
-  since the latch.
+  deviation that grows as this flight's wind has walked. Sensors come back when at least two agree
+  with each other, their wind lies inside the bounds, they meet the held wind within 3 sigma and
+  half of the largest residual since the latch, and they came by a jump if they left by one.
 * Weights (19) let two sensors that err together vote the healthy third one out. When one side has
   jumped against the prediction and the other has not, the jump is wrong. When all crept, a sensor
   is confirmed only if it disagrees with the remembered wind more than the fused value does, and

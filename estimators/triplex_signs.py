@@ -110,4 +110,5 @@ def own_sign(v: float, share: float, J_th: float, ring: Array, signs: Array) -> 
 def quiet(J_th: float, signs: Array) -> bool:
     """Whether the last readings moved, and leapt no more than usual."""
     usual = max(signs[S_LEVEL], 0.5 * MATTERS_SHARE * ROOT_6 * J_th)
-    return signs[S_STILL] == 0.0 and signs[S_SIZE] <= QUIET * usual
+    calm: bool = signs[S_STILL] == 0.0 and signs[S_SIZE] <= QUIET * usual
+    return calm

@@ -88,9 +88,9 @@ def plan() -> Plan:
     )
 
 
-@lru_cache(maxsize=12)
+@lru_cache(maxsize=20)
 def fly(seed: int, case: str | None = None) -> SixDofFlight:
-    """One flight of the plan; the last dozen are remembered.
+    """One flight of the plan; the last twenty are remembered.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ runs, 47, 22, 25 and 15 faulty ones in the categories of its Table I, 60 to 700 
 What it does not print is chosen here:
 
 * Sizes and rates are uniform over the ranges of Table II. (Log-uniform ones put nearly half of the
-  biases below the paper's thresholds, which then could not miss nothing, as it says it does. A
-  second set of the same 109 flights, "small", has log-uniform ones.)
+  biases below the paper's thresholds, with which its zero missed detections cannot be. A second
+  set of the same 109 flights, "small", has log-uniform ones.)
 * All faults of a run begin together. The sensors of a channel break in one way, in half of the runs
   with the same size (a common cause), else each with its own.
 * Horizontal winds reach 120 kt above 25,000 ft and 40 kt at the ground. Vertical ones come and go

@@ -118,6 +118,20 @@ class TestProgramme:
         expected = [1.0, *[7.0 / 3.0] * 3, *[4.5] * 3, 9.0]
         np.testing.assert_allclose(f[:, 0], expected, atol=1e-9)
 
+    @given(st.integers(0, 2**31), st.floats(-4, 2), st.floats(-4, 2))
+    @settings(max_examples=60, deadline=None)
+    def test_any_start_ends(self, seed, small, large):
+        """A badly scaled start may cost iterations, never the answer or an endless loop."""
+        H, q = problem(seed, 20, 4)
+        rng = np.random.default_rng(seed)
+        s, z = 10.0 ** rng.uniform(min(small, large), max(small, large), (2, 20, 4))
+        f, work = np.empty((20, 4)), np.empty(qp.work_size(20, 4))
+        status, iterations, cost = qp.solve_monotone(H, q, s, z, f, qp.TOLERANCE, 200, work)
+        assert status in (qp.SOLVED, qp.NOT_CONVERGED)
+        assert iterations <= 200
+        if status == qp.SOLVED:
+            assert cost == pytest.approx(solve(H, q)[2], abs=1e-7)
+
     def test_status_words(self):
         H, q = problem(1, 10, 4)
         bad = q.copy()

@@ -232,12 +232,14 @@ def test_a_silent_sensor_is_faulty_and_the_others_carry_on():
     assert np.isfinite(record.x).all()
 
 
-def test_any_cut_into_blocks_gives_the_same_record():
+@pytest.mark.parametrize("estimator", ["ekf", "constrained"])
+def test_any_cut_into_blocks_gives_the_same_record(estimator):
     flight = fly(40.0, 3)
     _break(flight, 1, (1, 2), "bias", 25 * KT)
-    whole = _run(flight)
-    triplex = Triplex.start(flight.x0, flight.theta[0])
-    cuts = [0, 1, 2, 50, 51, 400, len(flight.t)]
+    _break(flight, 0, (0,), "jamming", 0.0, start_s=18.0)
+    whole = _run_with(flight, estimator)
+    triplex = Triplex.start(flight.x0, flight.theta[0], estimator=estimator)
+    cuts = [0, 1, 2, 50, 51, 385, 400, 418, 423, len(flight.t)]
     parts = [
         triplex.run(flight.inertial[s], flight.vanes[s], flight.pitots[s], flight.theta[s])
         for s in (slice(a, b) for a, b in itertools.pairwise(cuts))
@@ -369,3 +371,43 @@ def test_without_its_additions_the_logic_is_the_printed_one(constrained):
     assert printed.faulty.any(axis=0).all()
     np.testing.assert_array_equal(ours.faulty, printed.faulty)
     np.testing.assert_allclose(ours.x, printed.x, rtol=1e-9, atol=1e-9)
+
+
+def test_a_step_that_the_wind_takes_up_is_found_against_the_remembered_wind():
+    """A tenth more on all pitots, with a horizon that follows any wind (q_w = 1)."""
+    q_w_1 = (np.radians(1.0), 0.5, 1.0, 1.0)
+    for estimator in ("constrained", "unconstrained", "ekf"):
+        flight = fly(60.0, 5, speed=82.0)
+        _break(flight, 1, (0, 1, 2), "bias", 0.1 * 150 * KT)
+        record = _run_with(flight, estimator, Q_std=q_w_1)
+        assert (_first_s(flight, record.faulty)[1] < ONSET_S + 1.5).all()
+        assert not record.faulty[:, 0].any()
+    assert not _run(flight, TriplexTuning(memory=False), Q_std=q_w_1).faulty.any()
+
+
+def test_a_wind_that_meets_a_common_bias_does_not_release_it():
+    """The held wind is 20 kt too low when the wind has risen by as much; a jump back does."""
+    flight = fly(120.0, 6, speed=150.0, shear=0.0, gust_std=0.3)
+    rise = 20 * KT * np.clip((flight.t - 40.0) / 20.0, 0.0, 1.0)
+    flight.pitots -= rise[:, None]  # more tail wind at the same ground speed
+    _break(flight, 1, (0, 1, 2), "bias", 20 * KT, stop_s=100.0)
+    record = _run(flight)
+    found = record.faulty[:, 1]
+    assert found[(flight.t > 22.0) & (flight.t < 100.0)].all()
+    assert record.cas_std[flight.t > 90.0][0] > record.cas_std[flight.t > 22.0][0]
+
+
+@pytest.mark.parametrize(("kind", "size"), [("jamming", 0.5 * DEG), ("noise", 1.5 * DEG)])
+def test_a_fault_below_the_threshold_is_found_by_its_own_sign(kind, size):
+    """wan2018 Fig. 6(a): a jam near the truth, which took 19 s there."""
+    flight = fly(60.0, 7)
+    on = flight.t >= ONSET_S
+    if kind == "noise":
+        flight.vanes[on, 1] += size * np.random.default_rng(7).standard_normal(on.sum())
+    else:
+        _break(flight, 0, (1,), kind, size)
+    record = _run(flight)
+    assert ONSET_S < _first_s(flight, record.faulty)[0, 1] < ONSET_S + 2.0
+    assert record.faulty.any(axis=0).sum() == 1
+    assert not _released(record.faulty)
+    assert not _run(flight, TriplexTuning(noisy=np.inf)).faulty.any()

@@ -14,7 +14,7 @@ import typer
 from monitor.commands.common import Refused, console, note, progress
 
 if TYPE_CHECKING:
-    from monitor.commands.reproduce.study import Chapter, Job, Paper
+    from monitor.commands.reproduce.study import Chapter, Job, Paper, Table
 
 __all__ = ["reproduce"]
 
@@ -153,12 +153,10 @@ def _mixed(jobs: Sequence[Job]) -> list[Job]:
 
 
 def _print(chapters: Mapping[str, Chapter]) -> None:
-    """The claims, and each table that stands beside the paper's."""
-    from rich import box
-    from rich.table import Table as Grid
+    """Each table that stands beside the paper's, and what became of the claims."""
     from rich.text import Text as Words
 
-    from monitor.commands.reproduce.render import MARKS, shown
+    from monitor.commands.reproduce.render import MARKS
     from monitor.commands.reproduce.study import Table
 
     out = console()
@@ -166,13 +164,38 @@ def _print(chapters: Mapping[str, Chapter]) -> None:
         out.rule(Words(chapter.title), align="left")
         for block in chapter.blocks:
             if isinstance(block, Table) and any("paper" in column for column in block.columns):
-                grid = Grid(title=block.caption, title_justify="left", box=box.SIMPLE_HEAD)
-                for column in block.columns:
-                    grid.add_column(column)
-                for row in block.rows:
-                    grid.add_row(*(shown(cell, block.digits) for cell in row))
-                out.print(grid)
+                _print_table(block)
         for claim in chapter.claims:
             out.print(Words(f"{MARKS[claim.outcome]} {claim.outcome}: {claim.statement}"))
             out.print(Words(f"    {claim.because}"))
         out.print()
+
+
+def _print_table(table: Table) -> None:
+    """The numbers as a grid; the reasons below it, once each, where they would squeeze it."""
+    from rich import box
+    from rich.table import Table as Grid
+    from rich.text import Text as Words
+
+    from monitor.commands.reproduce.render import shown
+
+    out = console()
+    reasons: dict[str, str] = {}
+    last = len(table.columns) - 1 if table.columns[-1].startswith("why") else len(table.columns)
+    grid = Grid(title=table.caption, title_justify="left", box=box.SIMPLE_HEAD)
+    for column in table.columns[:last]:
+        grid.add_column(column)
+    noted = last < len(table.columns)
+    if noted:
+        grid.add_column("")
+    for row in table.rows:
+        cells = [shown(cell, table.digits) for cell in row[:last]]
+        if noted:
+            why = row[last]
+            mark = "" if why is None else reasons.setdefault(str(why), f"[{len(reasons) + 1}]")
+            cells.append(mark)
+        grid.add_row(*(Words(cell) for cell in cells))
+    out.print(grid)
+    for why, mark in reasons.items():
+        out.print(Words(f"  {mark} {why}"))
+    out.print()

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from monitor.commands.reproduce.drawing import svg
-from monitor.commands.reproduce.study import Cell, Chapter, Figure, Table, Text
+from monitor.commands.reproduce.study import FULL_WIDTH_IN, Cell, Chapter, Figure, Table, Text
 
 __all__ = ["SCHEMA", "Stamp", "shown", "write"]
 
@@ -161,6 +161,7 @@ def _page(chapters: Mapping[str, Chapter], stamp: Stamp, pictures: Mapping[str, 
         stamp=stamp,
         pictures=pictures,
         marks=MARKS,
+        full_width=FULL_WIDTH_IN,
         counts={key: _count(chapter) for key, chapter in chapters.items()},
     )
 

@@ -37,6 +37,8 @@ Result = dict[str, Any]
 """What a job returns: arrays, numbers, words, lists and dictionaries of these, None."""
 Results = Mapping[str, Result]
 """Results of one paper by :attr:`Job.name`."""
+FULL_WIDTH_IN = 8.0
+"""Width of a figure that fills the page [inch]."""
 Cell = str | float | int | bool | None
 Outcome = Literal["holds", "holds in part", "does not hold", "not reproducible", "not run"]
 
@@ -133,13 +135,13 @@ class Figure:
         fonts, and take colours from the cycle ("C0" ours, "C1" ...; "0.5" for grey). At most
         about 2,000 points a line: see :func:`monitor.commands.reproduce.drawing.thinned`.
     size_in
-        Width and height in inches; 8.0 is the full width.
+        Width and height in inches.
     """
 
     name: str
     caption: str
     draw: Callable[[Canvas], None]
-    size_in: tuple[float, float] = (8.0, 3.2)
+    size_in: tuple[float, float] = (FULL_WIDTH_IN, 3.2)
 
 
 @dataclass(frozen=True)

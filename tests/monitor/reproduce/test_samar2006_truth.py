@@ -53,3 +53,4 @@ def test_turbulence_of_another_spectrum_is_told(flown):
 
 def test_nothing_flown_claims_nothing():
     assert truth.claims({}, QUICK) == []
+    assert truth.blocks({}, QUICK) == []

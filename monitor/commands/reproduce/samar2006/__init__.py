@@ -1,1 +1,1 @@
-"""samar2006: damage of the wings, estimated from accelerations over a moving horizon."""
+"""samar2006: faults of the wings of an Aerosonde, estimated by a monotone moving horizon."""

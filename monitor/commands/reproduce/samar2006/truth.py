@@ -140,7 +140,8 @@ def _own(results: Results) -> list[tuple[str, Any]]:
 
 
 def blocks(results: Results, scope: Scope) -> list[Table | Figure]:
-    """How true the flights are, and the turbulence that they met."""
+    """How true the flights are, and the turbulence that they met; nothing where none was flown."""
+    own = _own(results)
     rows = [
         [
             AIR[air][0],
@@ -151,8 +152,10 @@ def blocks(results: Results, scope: Scope) -> list[Table | Figure]:
             r["tas_m_s"],
             r["beside_m"],
         ]
-        for air, r in _own(results)
+        for air, r in own
     ]
+    if not rows:
+        return []
     table = Table(
         "samar2006-truth",
         "The flights against their own sensors: velocity gained in one second minus specific force,"

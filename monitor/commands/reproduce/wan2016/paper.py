@@ -150,13 +150,23 @@ def _all_isolated(results: Results) -> Claim:
     missed = [n for n, r in _runs(results, "ours", "F") if _any_missed(r)]
     blamed = [n for n, r in _runs(results, "ours", "F") if r["blamed"].any()]
     printed = [n for n, r in _runs(results, "as printed", "F") if r["blamed"].any()]
+    varied = {form: _varied(results, form) for form in FORMS}
     return Claim(
         "Table 2: every faulty sensor is found, no healthy one is blamed",
         _decided(not missed and not blamed, len(missed) + len(blamed) < 4),
         f"Ours missed a sensor in {_listed(missed)} and blamed a healthy one in {_listed(blamed)}; "
         f"the scheme as printed blamed one in {_listed(printed)}. A slow error that two sensors "
-        "share is taken up by the wind, and the third one is voted out.",
+        "share is taken up by the wind, and the third one is voted out. With other rates and "
+        f"onsets in 6-F and 7-F ours blames it in {varied['ours'][0]} of {varied['ours'][1]} runs, "
+        f"the printed scheme in {varied['as printed'][0]}.",
     )
+
+
+def _varied(results: Results, form: str) -> tuple[int, int]:
+    """Runs of the sweeps that blame a healthy sensor, and all of them."""
+    sweeps = [r for name, r in results.items() if not name.startswith("scenario/")]
+    flags = [sweep[form]["blamed"].any(axis=2) for sweep in sweeps]
+    return sum(int(f.sum()) for f in flags), sum(f.size for f in flags)
 
 
 def _any_missed(runs: dict[str, np.ndarray]) -> bool:
@@ -220,7 +230,7 @@ def _in_flight(results: Results) -> Claim:
     still = [n for n, r in _runs(results, "in flight", "steady") if r["blamed"].any()]
     return Claim(
         "(Aim of ours) The monitor's own watch blames no healthy sensor in these scenarios",
-        _decided(ramp + alarms == 0, steady < ramp),
+        _decided(ramp + alarms == 0, alarms == 0 and 4 * ramp < total),
         f"{alarms} of {healthy} healthy runs raise an alarm. Of {total} faulty runs {ramp} blame "
         f"the healthy one ({_listed(where)}), where two of three airspeeds fail within 20 s of the "
         f"start while the wind ramps by 6 kt/s; in a steady wind {steady} do ({_listed(still)}).",

@@ -259,6 +259,7 @@ def _sweep(key: str, name: str, label: str, results: Results) -> Figure:
                 axis.set_xticks(values, [f"{v:g}" for v in values])
                 axis.minorticks_off()
         delays.set_ylabel("delay [s], where found")
+        delays.margins(y=0.1)
         delays.set_ylim(bottom=0.0)
         shares.set_ylabel("healthy one blamed [% of runs]")
         shares.set_ylim(-5.0, 105.0)

@@ -203,7 +203,7 @@ def _figure(results: Results) -> Figure:
         readings.set_ylabel("$V_c$ sensors [kt]")
         readings.legend()
         for k, method in enumerate(DRAWN):
-            colour = ("C1", "C0", "C2")[k]
+            colour = ("C1", "C2", "C0")[k]
             errors.plot(t, course[method]["error_kt"], color=colour, label=method)
             winds.plot(t, course[method]["wind_kt"], color=colour)
             residuals.plot(t, course[method]["J_kt"].max(axis=1), color=colour)

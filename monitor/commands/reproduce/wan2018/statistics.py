@@ -15,6 +15,7 @@ __all__ = [
     "CHANNELS",
     "PAPER",
     "PAPER_ERRORS",
+    "SOON_S",
     "Channel",
     "Paper",
     "channel_of",
@@ -29,6 +30,7 @@ Floats = NDArray[np.float64]
 Judged = dict[str, Any]
 
 CHANNELS: Final = ("AOA", "VCAS")
+SOON_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,17 +102,27 @@ class Channel:
         return float(self.delays_s.mean()) if len(self.delays_s) else 0.0
 
     @property
+    def soon_s(self) -> Floats:
+        """Delays of the faults that can be seen within :data:`SOON_S` of the onset."""
+        return self.delays_s[self.visible_s <= SOON_S]
+
+    @property
+    def mean_soon_s(self) -> float:
+        """Their mean."""
+        return float(self.soon_s.mean()) if len(self.soon_s) else 0.0
+
+    @property
     def max_wait_s(self) -> float:
         """Longest delay since the fault could be seen."""
         return float(self.waits_s.max(initial=0.0))
 
 
 def judged_runs(results: Results, which: str = "main") -> list[Judged]:
-    """All judged runs of a set, by number."""
+    """All judged runs of "main", "small" or "fresh", by number."""
     found = [
         run
         for name, result in results.items()
-        if name.startswith(f"parametric/{which}-")
+        if name.startswith(f"parametric/{which}")
         for run in result["runs"]
     ]
     return sorted(found, key=lambda run: int(run["number"]))
