@@ -125,6 +125,10 @@ POWER_BACK_S = 10.0
 STOP_GAIN = 0.5
 """An aircraft without power loses energy at more than this share of its glide."""
 NO_SUCH_RPM = 2e5
+APART_SHARE = 0.15
+"""Of two channels without a model the one that jumps off the speed's course by more than this share
+of the range is wrong; of a difference that grows nobody can say whose it is."""
+FIRST_WRONGS = 5.0
 TURNS_SHARE = 0.8
 """An engine that windmills shows less than this of what the throttle usually makes it show."""
 USUAL_THROTTLE_SHARE = 0.5
@@ -138,7 +142,7 @@ N_LOG = 16
 
 # Scalars of a channel.
 (STATUS, REASON, SHARE, T_LAST, WRONGS, ONSET, CLEAN, VALUE, SAME, T_LOW, T_HIGH, MOVED, USUAL,
- M_T, M_Y, V_T, V_Y, C_TY, TIME, B_MEAN, B_OFF, B_SQ, TURNS, WAS, LOW) = range(25)  # fmt: skip
+ M_T, M_Y, V_T, V_Y, C_TY, TIME, B_MEAN, B_OFF, B_SQ, JUMP, WAS, LOW) = range(25)  # fmt: skip
 N_SCALARS = 25
 # Scalars of a group.
 PENDING, ODDS, RUNNING_AGAIN, HALTED, ALL_LOW, TOLD = range(6)
@@ -321,16 +325,16 @@ def _reading(
     c[SHARE] += step * ((1.0 if wrong else 0.0) - c[SHARE])
     if wrong:
         if c[WRONGS] == 0.0:
-            c[ONSET], c[B_MEAN], c[B_OFF], c[B_SQ], c[TURNS] = t, 0.0, 0.0, 0.0, 0.0
+            c[ONSET], c[B_MEAN], c[B_OFF], c[B_SQ], c[JUMP] = t, 0.0, 0.0, 0.0, 0.0
         c[WRONGS] += 1.0
         off = y - _expected(c, kind, mu)
+        if c[WRONGS] <= FIRST_WRONGS:
+            c[JUMP] = max(c[JUMP], abs(off))
         c[B_MEAN] += (y - c[B_MEAN]) / c[WRONGS]
         c[B_OFF] += (off - c[B_OFF]) / c[WRONGS]
         c[B_SQ] += (off * off - c[B_SQ]) / c[WRONGS]
         c[CLEAN] = np.nan
     else:
-        if c[WAS] > 0.5:
-            c[TURNS] += 1.0
         if math.isnan(c[CLEAN]):
             c[CLEAN] = t
         if c[SHARE] < 0.1 * r.wrong_share:
@@ -350,6 +354,19 @@ def _reading(
     c[V_T] = keep * (c[V_T] + share * e_t * e_t)
     c[V_Y] = keep * (c[V_Y] + share * e_y * e_y)
     c[C_TY] = keep * (c[C_TY] + share * e_t * e_y)
+
+
+@kernel
+def _peers(j: Judged, k: Groups, i: int, t: float) -> tuple[int, int, float]:
+    """Another channel of the same shaft, how many there are, and their largest share."""
+    peer, peers, share = i, 0, 0.0
+    for other in range(N_CHANNELS):
+        c = j.c[other]
+        if other == i or k.of[other] != k.of[i] or c[STATUS] == UNSEEN or c[STATUS] == FAULTY:
+            continue
+        if t - c[T_LAST] <= FRESH_S:
+            peer, peers, share = other, peers + 1, max(share, c[SHARE])
+    return peer, peers, share
 
 
 @kernel
@@ -381,18 +398,18 @@ def _channel(
     if now and c[SHARE] > r.wrong_share and c[WRONGS] >= r.least_wrong:
         if j.g[group, ALL_LOW] > 0.5:
             return n
-        peers = 0
-        for other in range(N_CHANNELS):
-            good = other != i and k.of[other] == group and j.c[other, STATUS] != FAULTY
-            if good and t - j.c[other, T_LAST] <= FRESH_S:
-                peers += 1
-        if kind == PEERS and peers == 1 and c[TURNS] < 2.0:
-            return _blame(c, log, n, t, i, SUSPECT, CAUSE_DISAGREE, c[ONSET], c[SHARE],
-                          r.wrong_share, c[VALUE], expect, throttle)  # fmt: skip
+        peer, peers, _ = _peers(j, k, i, t)
+        if kind == PEERS and peers == 1 and c[JUMP] < APART_SHARE * k.range[i]:
+            n = _blame(c, log, n, t, i, SUSPECT, CAUSE_DISAGREE, c[ONSET], c[SHARE],
+                       r.wrong_share, c[VALUE], expect, throttle)  # fmt: skip
+            return _blame(j.c[peer], log, n, t, peer, SUSPECT, CAUSE_DISAGREE, c[ONSET], c[SHARE],
+                          r.wrong_share, j.c[peer, VALUE], expect, throttle)  # fmt: skip
         return _blame(c, log, n, t, i, FAULTY, CAUSE_WRONG, c[ONSET], c[SHARE], r.wrong_share,
                       c[B_MEAN], c[B_MEAN] - c[B_OFF], throttle)  # fmt: skip
     status, reason = _resting(c, kind, throttle)
     calm = math.isnan(c[LOW]) and c[SHARE] < 0.5 * r.wrong_share
+    if kind == PEERS and calm:
+        calm = _peers(j, k, i, t)[2] < 0.5 * r.wrong_share
     if c[STATUS] != SUSPECT or calm:
         n = _set(c, log, n, t, i, status, reason)
     return n

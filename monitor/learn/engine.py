@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from estimators import engine_ticks as et
 from estimators.engine_fit import Fit, Record, fit_single_shaft
 from links.logs import open_log
-from links.samples import Rows
+from links.samples import Batch, Rows
 from links.vocabulary import State
 from monitor.learn.thresholds import Unfit
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.settings.engine import ChannelSettings, SingleShaftSettings
-from monitor.verdict import StepResult, Verdict
+from monitor.verdict import Verdict
 from monitor.watch.engine import EngineWatch
 from monitor.watch.engine_parts import events_of, tick_rules
 
-__all__ = ["EngineFlight", "EngineLearnt", "learn_engine", "measure_engine"]
+__all__ = ["EngineFlight", "EngineLearnt", "flight_of", "learn_engine", "measure_engine"]
 
 Array = NDArray[np.float64]
 
@@ -101,33 +101,49 @@ def measure_engine(
         The engine watch finds a fault in it, or it does not fly with engine speeds long enough.
     """
     log = open_log(path, settings.links.decoder_options())
-    rules = tick_rules(settings.engine)
+
+    def told() -> Iterator[Batch]:
+        for batch in log:
+            yield batch
+            if progress is not None:
+                progress(log.info.bytes_read, log.info.bytes)
+
+    return flight_of(told(), settings, path.name)
+
+
+def flight_of(batches: Iterable[Batch], settings: Settings, name: str) -> EngineFlight:
+    """The same of a decoded flight.
+
+    Raises
+    ------
+    Unfit
+        As of :func:`measure_engine`.
+    """
     tap = _Tap(settings)
     bare = settings.engine.model_copy(update={"model": "none", "channels": {}})
     pipeline = Pipeline(settings, watches=[EngineWatch(bare)], taps=[tap])
     verdicts: list[Verdict] = []
-
-    def note(result: StepResult) -> None:
-        verdicts.extend(v for v in result.verdicts if v.state in (State.FAULTY, State.STOPPED))
-
-    for batch in log:
-        note(pipeline.feed(batch))
-        if progress is not None:
-            progress(log.info.bytes_read, log.info.bytes)
-    note(pipeline.finish())
-    if verdicts:
-        v = verdicts[0]
-        at_s = (v.t_us - log.info.first_t_us) / 1e6
-        raise Unfit(f"{path.name} is no healthy flight: at {at_s:.1f} s {v.evidence}")
+    first_us: int | None = None
+    for batch in batches:
+        for rows in batch.rows.values():
+            if len(rows):
+                least = int(rows["t_us"].min())
+                first_us = least if first_us is None else min(first_us, least)
+        verdicts += pipeline.feed(batch).verdicts
+    verdicts += pipeline.finish().verdicts
+    for v in verdicts:
+        if v.state in (State.FAULTY, State.STOPPED):
+            at_s = (v.t_us - (first_us or 0)) / 1e6
+            raise Unfit(f"{name} is no healthy flight: at {at_s:.1f} s {v.evidence}")
     table, y = tap.steps()
     flies = (table[:, et.X_FLYING] > 0.5) & np.isfinite(table[:, et.X_THROTTLE])
-    flight = EngineFlight(path.name, table[flies], y[flies])
-    seconds = len(flight.y) * rules.tick_s
+    flight = EngineFlight(name, table[flies], y[flies])
+    seconds = len(flight.y) * settings.engine.tick_s
     if not flight.channels:
-        raise Unfit(f"{path.name} has no engine speed in flight")
+        raise Unfit(f"{name} has no engine speed in flight")
     if seconds < LEAST_S:
         raise Unfit(
-            f"{path.name} flies for {seconds:.0f} s with engine speed and throttle: "
+            f"{name} flies for {seconds:.0f} s with engine speed and throttle: "
             f"{LEAST_S:.0f} s are needed"
         )
     return flight

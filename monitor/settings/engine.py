@@ -211,6 +211,9 @@ class EngineSettings(Section):
             raise ValueError(f"{len(self.channels)} channels; at most {MAX_CHANNELS} are weighed")
         if self.model == "single-shaft" and not any(self.single_shaft.coefficients):
             raise ValueError("model single-shaft has no coefficients: run mavsentry learn engine")
+        ratio = self.tick_s / self.two_spool.sample_s
+        if self.model == "two-spool" and abs(ratio - round(ratio)) > 1e-6:
+            raise ValueError(f"tick_s = {self.tick_s} is not a multiple of two_spool.sample_s")
         if self.throttle_idle_us == self.throttle_full_us:
             raise ValueError("throttle_idle_us and throttle_full_us are equal")
         if any(not 1 <= c <= 16 for c in self.throttle_channels):
