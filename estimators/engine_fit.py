@@ -1,10 +1,10 @@
 """The single-shaft engine model from healthy flights: output-error least squares.
 
-The model's own speed, driven by throttle and airspeed alone, is fitted to the readings; a fit of one
-step ahead would learn that a speed is like the speed before and little of the throttle. For a time
-constant tau the inputs phi pass a lag of first order, and the coefficients c follow linearly; tau is
-searched. What is left over is split by its memory: white noise of the channel, and the model's error
-that lasts.
+The model's own speed, driven by throttle and airspeed alone, is fitted to the readings; a fit of
+one step ahead would learn that a speed is like the speed before and little of the throttle. For a
+time constant tau the inputs phi pass a lag of first order, and the coefficients c follow linearly;
+tau is searched. What is left over is split by its memory: white noise of the channel, and the
+model's error that lasts.
 
 =======  ================================================================  =========  =====
 symbol   meaning                                                           shape      unit
@@ -15,8 +15,8 @@ e        reading less model                                                     
 g_k      autocovariance of e, k readings apart                                        rpm^2
 =======  ================================================================  =========  =====
 
-With e = error + noise, the error of memory T: g_0 = sigma^2 + r, g_k = sigma^2 exp(-k dt / T), so that
-g_1 and g_2 give sigma and T, and g_0 the rest.
+With e = error + noise, the error of memory T: g_0 = sigma^2 + r, g_k = sigma^2 exp(-k dt / T), so
+that g_1 and g_2 give sigma and T, and g_0 the rest.
 """
 
 from __future__ import annotations
@@ -102,10 +102,7 @@ def lag(phi: Array, alpha: float) -> Array:
         for k in range(phi.shape[0]):
             if math.isfinite(phi[k, i]):
                 last = phi[k, i]
-            if math.isnan(state):
-                state = last
-            else:
-                state = alpha * state + (1.0 - alpha) * last
+            state = last if math.isnan(state) else alpha * state + (1.0 - alpha) * last
             out[k, i] = state
     return out
 
@@ -169,7 +166,8 @@ def _choose(records: Sequence[Record], tick_s: float) -> tuple[int, ...]:
             Record(r.throttle[part], r.airspeed_m_s[part], r.y[part])
             for part in (slice(None, half), slice(half, None))
         ]
-    best, least = CHOICES[0], math.inf
+    best: tuple[int, ...] = CHOICES[0]
+    least = math.inf
     for chosen in CHOICES:
         error = _crossed(records, tick_s, chosen)
         if error < GAIN * least:

@@ -10,9 +10,9 @@ phi       inputs (1, t, t^2, V, t V) of the single-shaft curve      (5,)
 G         shaft speeds from the state                               (S, n)
 ========  ========================================================  =======  =============
 
-Single shaft: ``tau dN/dt = c phi - N``, ``b' = -b / T + noise`` with a stationary deviation sigma, a
-channel reads N + b. The error b is bounded on purpose: a lone channel that drifts beyond it is told
-from an engine that differs a little from its model.
+Single shaft: ``tau dN/dt = c phi - N``, ``b' = -b / T + noise`` with a stationary deviation sigma,
+a channel reads N + b. The error b is bounded on purpose: a lone channel that drifts beyond it is
+told from an engine that differs a little from its model.
 
 Two spools: wang2020's linear engine, its samples composed to one step of the watch.
 

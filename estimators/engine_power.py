@@ -11,10 +11,10 @@ tau         time since the engine speed fell                            s
 LLR         log likelihood of "stopped" over "runs"                     nat
 ==========  ==========================================================  =========
 
-a and b are learnt in flight by a Kalman filter from a prior of a glide ratio and level flight at 40 %
-throttle. p and p_g are averaged by their own variances: in gusty wind the second counts, in turns in
-steady wind the first. With the engine stopped the power is a, with it running a + b t; either way
-p follows within T, so at time tau after the stop
+a and b are learnt in flight by a Kalman filter from a prior of a glide ratio and level flight at 40
+% throttle. p and p_g are averaged by their own variances: in gusty wind the second counts, in turns
+in steady wind the first. With the engine stopped the power is a, with it running a + b t; either
+way p follows within T, so at time tau after the stop
 
     p_stopped = a + b t exp(-tau / T),   p_runs = a + b t.
 

@@ -13,8 +13,8 @@ p        dH/dt averaged over T: the climb that engine and drag make          m/s
 t        throttle from 0 to 1; t_T averaged over T like p                    1
 =======  =================================================================  ========
 
-H feels gusts and a broken pitot, H_g feels the wind in turns; neither feels an engine speed. So p and
-p_g tell an engine that stopped from a channel that says so.
+H feels gusts and a broken pitot, H_g feels the wind in turns; neither feels an engine speed. So p
+and p_g tell an engine that stopped from a channel that says so.
 
 Rows are used in order of time, so where a stream is cut changes nothing.
 """
@@ -155,7 +155,7 @@ def _throttle(m: Ticks, output: int, t: float) -> float:
     if pulse <= 0.0 or high == low:
         return np.nan
     share = min(max((pulse - low) / (high - low), 0.0), 1.0)
-    return 1.0 - share if m.travel[output, 2] > 0.5 else share
+    return float(1.0 - share if m.travel[output, 2] > 0.5 else share)
 
 
 @kernel
@@ -168,10 +168,10 @@ def _airspeed(m: Ticks, t: float) -> float:
         if t - m.cas[i, 1] <= FRESH_S and not V < DEAD_PITOT * V_g:
             low, high, mid, n = min(low, V), max(high, V), mid + V, n + 1
     if n == 0:
-        return V_g
+        return float(V_g)
     if n == 3:
-        return mid - low - high
-    return mid / n
+        return float(mid - low - high)
+    return float(mid / n)
 
 
 @kernel

@@ -240,17 +240,17 @@ def learn_engine(flights: Sequence[EngineFlight], settings: Settings) -> EngineL
     for shaft, mine in shafts.items():
         for i, noise in zip(mine, fits[shaft].noise_rpm, strict=True):
             width = RANGE_STEP_RPM * math.ceil(RANGE_SHARE * top[i] / RANGE_STEP_RPM)
-            own = configured.get(i)
+            told = configured.get(i)
             learnt[f"spool{i}"] = ChannelSettings(
                 shaft=shaft,
-                range_rpm=own.range_rpm if own else width,
+                range_rpm=told.range_rpm if told else width,
                 noise_rpm=_rounded(max(float(noise), NOISE_SHARE * width)),
-                fault_probability=own.fault_probability if own else 0.01,
+                fault_probability=told.fault_probability if told else 0.01,
             )
     worst = max(fits.values(), key=lambda f: f.error_rpm)
     model = SingleShaftSettings(
         time_constant_s=_rounded(fit.time_constant_s),
-        coefficients=tuple(_rounded(c, 6) for c in fit.coefficients),  # type: ignore[arg-type]
+        coefficients=tuple(_rounded(c, 6) for c in fit.coefficients),
         error_rpm=_rounded(max(worst.error_rpm, ERROR_SHARE * max(top.values()))),
         error_time_s=_rounded(worst.error_time_s),
     )

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import engine_judge as ej
+from estimators import engine_state as es
 from estimators import engine_ticks as et
+from estimators.engine_judge import judge
 from links.samples import Rows
 from monitor.settings.engine import EngineSettings
 from monitor.verdict import ENGINE_ESTIMATE, StepResult
@@ -45,7 +46,7 @@ class EngineWatch:
         self._judge_rules = judge_rules(settings)
         self._groups = groups(settings)
         self._units = units(settings)
-        self._judged = ej.new_judged()
+        self._judged = es.new_judged()
         self._every = max(round(settings.emit_s / settings.tick_s), 1)
         self._epoch_us: int | None = None
         self._last_s = 0.0
@@ -87,8 +88,8 @@ class EngineWatch:
         for unit in self._units:
             self._estimate(unit, table, y, (w, least, most, mu, sd), (speed, std))
         halted = np.empty((steps, et.N_SHAFTS))
-        log = np.empty((6 * steps + 64, ej.N_LOG))
-        said = ej.judge(
+        log = np.empty((6 * steps + 64, es.N_LOG))
+        said = judge(
             self._judged,
             self._judge_rules,
             self._groups,

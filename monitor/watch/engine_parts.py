@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import engine_judge as ej
+from estimators import engine_state as es
 from estimators import engine_ticks as et
 from estimators.engine_model import EngineModel, features, free_shaft, single_shaft, two_spool
 from estimators.engine_power import PowerRules
@@ -42,9 +42,9 @@ def tick_rules(s: EngineSettings) -> et.TickRules:
     return et.TickRules(s.tick_s, s.power_time_s, np.array(outputs, np.int64))
 
 
-def judge_rules(s: EngineSettings) -> ej.JudgeRules:
+def judge_rules(s: EngineSettings) -> es.JudgeRules:
     """The limits."""
-    return ej.JudgeRules(
+    return es.JudgeRules(
         tick_s=s.tick_s,
         wrong_share=s.wrong_share,
         wrong_s=s.wrong_s,
@@ -65,13 +65,13 @@ def judge_rules(s: EngineSettings) -> ej.JudgeRules:
     )
 
 
-def groups(s: EngineSettings) -> ej.Groups:
+def groups(s: EngineSettings) -> es.Groups:
     """Shafts of the configured channels; every other channel is a shaft of its own."""
     n = et.N_CHANNELS
     of = np.arange(n) + et.N_SHAFTS
     engine = np.concatenate([np.arange(et.N_SHAFTS), np.arange(n)])
-    kind = np.full(ej.N_GROUPS, ej.BARE)
-    throttle = np.zeros(ej.N_GROUPS, np.int64)
+    kind = np.full(es.N_GROUPS, es.BARE)
+    throttle = np.zeros(es.N_GROUPS, np.int64)
     width, noise = np.full(n, BARE_RANGE_RPM), np.full(n, BARE_NOISE * BARE_RANGE_RPM)
     fault = np.full(n, BARE_FAULT)
     for sensor, channel in s.channels.items():
@@ -82,13 +82,13 @@ def groups(s: EngineSettings) -> ej.Groups:
     for shaft in range(et.N_SHAFTS):
         count = sum(c.shaft == shaft for c in s.channels.values())
         if s.model != "none":
-            kind[shaft] = ej.MODEL
+            kind[shaft] = es.MODEL
         elif count > 1:
-            kind[shaft] = ej.PEERS
+            kind[shaft] = es.PEERS
         throttle[shaft] = 0 if s.model == "two-spool" else shaft
     if s.model == "two-spool":
         engine[1] = 0
-    return ej.Groups(of, engine, kind, throttle, width, noise, fault)
+    return es.Groups(of, engine, kind, throttle, width, noise, fault)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +138,9 @@ class Unit:
     def limits(self, inputs: Array, x: Array, expected: Array) -> tuple[Array, Array]:
         """Least and most that each channel may read at the steps, each (K, m) float64 [rpm].
 
-        A reading without a stamp of its own is older than it seems, and a throttle output that comes
-        ten times a second may have moved since: what the model gave within the last moments, and
-        where throttle and airspeed are driving it, are both no contradiction.
+        A reading without a stamp of its own is older than it seems, and a throttle output that
+        comes ten times a second may have moved since: what the model gave within the last moments,
+        and where throttle and airspeed are driving it, are both no contradiction.
         """
         series = np.concatenate([self.past, expected])
         windows = np.lib.stride_tricks.sliding_window_view(series, len(self.past) + 1, axis=0)

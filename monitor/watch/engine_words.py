@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import engine_judge as ej
+from estimators import engine_state as es
 from links.vocabulary import Kind, Reason, State
 from monitor.verdict import Verdict
 
@@ -14,17 +14,17 @@ __all__ = ["verdict"]
 Row = NDArray[np.float64]
 
 _STATES = {
-    ej.UNMONITORED: State.UNMONITORED,
-    ej.OK: State.OK,
-    ej.SUSPECT: State.SUSPECT,
-    ej.FAULTY: State.FAULTY,
-    ej.STOPPED: State.STOPPED,
+    es.UNMONITORED: State.UNMONITORED,
+    es.OK: State.OK,
+    es.SUSPECT: State.SUSPECT,
+    es.FAULTY: State.FAULTY,
+    es.STOPPED: State.STOPPED,
 }
 _REASONS = {
-    ej.REASON_GROUND: Reason.ON_GROUND,
-    ej.REASON_LEARNING: Reason.LEARNING,
-    ej.REASON_THROTTLE: Reason.REFERENCE_MISSING,
-    ej.REASON_MODEL: Reason.NO_ENGINE_MODEL,
+    es.REASON_GROUND: Reason.ON_GROUND,
+    es.REASON_LEARNING: Reason.LEARNING,
+    es.REASON_THROTTLE: Reason.REFERENCE_MISSING,
+    es.REASON_MODEL: Reason.NO_ENGINE_MODEL,
 }
 STEADY = 0.5
 """Wrong readings whose errors scatter less than this share of their mean are a bias."""
@@ -35,19 +35,19 @@ UNCHANGED_S = 0.5
 
 def verdict(row: Row, epoch_us: int) -> Verdict:
     """One row of :func:`estimators.engine_judge.judge`'s log."""
-    t_us = epoch_us + round(row[ej.L_T] * 1e6)
-    state = _STATES[float(row[ej.L_STATUS])]
-    is_engine = row[ej.L_ENGINE] > 0.5
-    sensor = f"{'engine' if is_engine else 'spool'}{int(row[ej.L_INDEX])}"
+    t_us = epoch_us + round(row[es.L_T] * 1e6)
+    state = _STATES[float(row[es.L_STATUS])]
+    is_engine = row[es.L_ENGINE] > 0.5
+    sensor = f"{'engine' if is_engine else 'spool'}{int(row[es.L_INDEX])}"
     if state is State.UNMONITORED:
-        return Verdict(t_us, sensor, state, _REASONS[float(row[ej.L_REASON])])
-    again = " again" if row[ej.L_AGAIN] > 0.5 else ""
+        return Verdict(t_us, sensor, state, _REASONS[float(row[es.L_REASON])])
+    again = " again" if row[es.L_AGAIN] > 0.5 else ""
     if state is State.OK:
         said = "gives the power that the throttle asks for" if is_engine else "is believed"
         return Verdict(
             t_us, sensor, state, estimator="engine_judge", evidence=f"{sensor} {said}{again}"
         )
-    onset_us = min(epoch_us + round(float(np.nan_to_num(row[ej.L_ONSET])) * 1e6), t_us)
+    onset_us = min(epoch_us + round(float(np.nan_to_num(row[es.L_ONSET])) * 1e6), t_us)
     lasting_s = (t_us - onset_us) * 1e-6
     if is_engine:
         return Verdict(
@@ -55,74 +55,74 @@ def verdict(row: Row, epoch_us: int) -> Verdict:
             sensor,
             state,
             onset_t_us=onset_us,
-            statistic=float(row[ej.L_STAT]),
-            threshold=float(row[ej.L_LIMIT]),
+            statistic=float(row[es.L_STAT]),
+            threshold=float(row[es.L_LIMIT]),
             estimator="engine_judge",
             evidence=_stopped(row, sensor, lasting_s),
         )
-    cause = float(row[ej.L_CAUSE])
+    cause = float(row[es.L_CAUSE])
     return Verdict(
         t_us,
         sensor,
         state,
-        reason=Reason.SENSORS_DISAGREE if cause == ej.CAUSE_DISAGREE else None,
+        reason=Reason.SENSORS_DISAGREE if cause == es.CAUSE_DISAGREE else None,
         kind=_kind(row, lasting_s) if state is State.FAULTY else Kind.UNKNOWN,
         onset_t_us=onset_us,
-        magnitude=float(row[ej.L_SHOWN] - row[ej.L_EXPECT]),
+        magnitude=float(row[es.L_SHOWN] - row[es.L_EXPECT]),
         unit="rpm",
-        statistic=float(row[ej.L_STAT]),
-        threshold=float(row[ej.L_LIMIT]),
+        statistic=float(row[es.L_STAT]),
+        threshold=float(row[es.L_LIMIT]),
         estimator="engine_judge",
         evidence=_channel(row, sensor, lasting_s),
     )
 
 
 def _kind(row: Row, lasting_s: float) -> Kind:
-    cause, shown, expect = (float(row[k]) for k in (ej.L_CAUSE, ej.L_SHOWN, ej.L_EXPECT))
-    if cause == ej.CAUSE_STUCK:
+    cause, shown, expect = (float(row[k]) for k in (es.L_CAUSE, es.L_SHOWN, es.L_EXPECT))
+    if cause == es.CAUSE_STUCK:
         return Kind.STUCK
     if shown < ZERO * expect:
         return Kind.DROPOUT
-    if lasting_s > UNCHANGED_S and row[ej.L_SAME] > lasting_s - UNCHANGED_S:
+    if lasting_s > UNCHANGED_S and row[es.L_SAME] > lasting_s - UNCHANGED_S:
         return Kind.STUCK
-    if cause == ej.CAUSE_WRONG and row[ej.L_SPREAD] > STEADY * abs(shown - expect):
+    if cause == es.CAUSE_WRONG and row[es.L_SPREAD] > STEADY * abs(shown - expect):
         return Kind.NOISE
     return Kind.BIAS
 
 
 def _channel(row: Row, sensor: str, lasting_s: float) -> str:
-    cause, shown = float(row[ej.L_CAUSE]), row[ej.L_SHOWN]
-    expect, percent = row[ej.L_EXPECT], 100.0 * row[ej.L_THROTTLE]
+    cause, shown = float(row[es.L_CAUSE]), row[es.L_SHOWN]
+    expect, percent = row[es.L_EXPECT], 100.0 * row[es.L_THROTTLE]
     lasting = f"for {lasting_s:.1f} s"
-    if cause == ej.CAUSE_STUCK:
+    if cause == es.CAUSE_STUCK:
         return f"{sensor} has shown exactly {shown:.0f} rpm {lasting} while the throttle moved"
-    if cause == ej.CAUSE_DISAGREE:
+    if cause == es.CAUSE_DISAGREE:
         return f"{sensor} and the other channel of its shaft show different speeds {lasting}"
-    if cause == ej.CAUSE_UNDECIDED:
+    if cause == es.CAUSE_UNDECIDED:
         return (
             f"{sensor} reads {shown:.0f} rpm at {percent:.0f} % throttle where {expect:.0f} is "
             "expected: whether the engine stopped is being settled"
         )
-    if cause == ej.CAUSE_DEAD:
+    if cause == es.CAUSE_DEAD:
         return (
             f"{sensor} has read {shown:.0f} rpm {lasting} where {expect:.0f} is expected at "
             f"{percent:.0f} % throttle, and the aircraft flies as with its engine running"
         )
     return (
-        f"{sensor} was wrong in {100.0 * row[ej.L_STAT]:.0f} % of the last readings: "
+        f"{sensor} was wrong in {100.0 * row[es.L_STAT]:.0f} % of the last readings: "
         f"{shown:.0f} rpm on average where {expect:.0f} is expected"
     )
 
 
 def _stopped(row: Row, sensor: str, lasting_s: float) -> str:
-    cause, percent = float(row[ej.L_CAUSE]), 100.0 * row[ej.L_THROTTLE]
-    sinks = f"the aircraft loses {abs(min(row[ej.L_POWER], 0.0)):.1f} m of energy height a second"
-    if cause == ej.CAUSE_CUT:
+    cause, percent = float(row[es.L_CAUSE]), 100.0 * row[es.L_THROTTLE]
+    sinks = f"the aircraft loses {abs(min(row[es.L_POWER], 0.0)):.1f} m of energy height a second"
+    if cause == es.CAUSE_CUT:
         return (
             f"{sensor}: the throttle output has stood idle for {lasting_s:.0f} s while the "
             f"autopilot misses airspeed and height; {sinks}"
         )
-    if cause == ej.CAUSE_NO_POWER:
+    if cause == es.CAUSE_NO_POWER:
         return f"{sensor}: {sinks} at {percent:.0f} % throttle for {lasting_s:.0f} s, as a glider"
     return (
         f"{sensor}: its speed fell {lasting_s:.0f} s ago at {percent:.0f} % throttle on every "
