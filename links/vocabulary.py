@@ -47,6 +47,7 @@ class Reason(StrEnum):
     SENSORS_DISAGREE = "sensors disagree, none can be told wrong"
     NO_WATCH = "no watch for this sensor"
     NO_ENGINE_MODEL = "no engine model (mavsentry learn engine)"
+    NO_AIRFRAME = "no airframe coefficients ([wing] airframe)"
     MUTED = "muted by the operator"
 
 

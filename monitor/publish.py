@@ -215,6 +215,8 @@ class Publisher:
                 out += self._imu(int(name[3:]), row)
             elif name == "engine":
                 out += self._engine(row)
+            elif name == "wing" and self._settings.values_named:
+                out += self._wing(row)
         return [m for m in out if self._has(m.name)]
 
     def _air(self, row: np.void) -> list[Message]:
@@ -275,6 +277,18 @@ class Publisher:
             _named(t_us, f"R_N{i + 1}", float(speed))
             for i, speed in enumerate(speeds_rpm)
             if isfinite(speed)
+        ]
+
+    def _wing(self, row: np.void) -> list[Message]:
+        """``WL_LIFT``, ``WL_DRAG``, ``WR_LIFT``, ``WR_DRAG``: loss of lift, gain of drag [%]."""
+        return [
+            _named(
+                int(row["t_us"]),
+                f"W{side[0].upper()}_{what.upper()}",
+                float(row[f"{side}_{what}_percent"]),
+            )
+            for side in ("left", "right")
+            for what in ("lift", "drag")
         ]
 
     def _imu(self, instance: int, row: np.void) -> list[Message]:

@@ -23,6 +23,7 @@ __all__ = [
     "PHASE_ROW",
     "StepResult",
     "Tap",
+    "WING_ESTIMATE",
     "Verdict",
     "Watch",
 ]
@@ -123,6 +124,27 @@ ENGINE_ESTIMATE = np.dtype(
 
 Beside them the throttle (0 to 1), and what engine and drag together did to the aircraft's energy:
 the climb rate that it would have given at constant airspeed.
+"""
+
+WING_ESTIMATE = np.dtype(
+    [
+        ("t_us", "<i8"),
+        ("right_lift_percent", "<f8"),
+        ("right_lift_std_percent", "<f8"),
+        ("right_drag_percent", "<f8"),
+        ("right_drag_std_percent", "<f8"),
+        ("left_lift_percent", "<f8"),
+        ("left_lift_std_percent", "<f8"),
+        ("left_drag_percent", "<f8"),
+        ("left_drag_std_percent", "<f8"),
+        ("lift_apart_std_percent", "<f8"),
+        ("drag_apart_std_percent", "<f8"),
+    ]
+)
+"""Estimates named ``wing``: lift lost and drag gained by each wing.
+
+What both wings have in common is hardly observable, as their deviations say; the deviations of the
+difference right minus left are the last two.
 """
 
 PHASE_ROW = np.dtype([("seq", "<i8"), ("t_us", "<i8"), ("flying", "?")])

@@ -27,6 +27,7 @@ from monitor.settings.recorder import RecorderSettings
 from monitor.settings.streams import StreamSettings
 from monitor.settings.triplex import TriplexSettings
 from monitor.settings.vane import VaneSettings
+from monitor.settings.wing import WingSettings
 
 __all__ = ["DEFAULT_PROFILE", "PROFILES", "Settings", "SettingsError", "by_hand", "load", "origins"]
 
@@ -51,6 +52,7 @@ class Settings(Section):
     triplex: TriplexSettings = Field(default_factory=TriplexSettings)
     vane: VaneSettings = Field(default_factory=VaneSettings)
     engine: EngineSettings = Field(default_factory=EngineSettings)
+    wing: WingSettings = Field(default_factory=WingSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)

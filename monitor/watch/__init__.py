@@ -7,6 +7,7 @@ from monitor.verdict import Watch
 from monitor.watch.air import AirWatch
 from monitor.watch.engine import EngineWatch
 from monitor.watch.imu import ImuWatch
+from monitor.watch.wing import WingWatch
 
 __all__ = ["build_watches"]
 
@@ -17,4 +18,5 @@ def build_watches(settings: Settings) -> list[Watch]:
         ImuWatch(settings.imu),
         AirWatch(settings.air, settings.triplex, settings.vane),
         EngineWatch(settings.engine),
+        WingWatch(settings.wing),
     ]

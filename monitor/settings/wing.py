@@ -1,0 +1,164 @@
+"""Settings of the wing watch: the airframe, how servos move surfaces, and what a verdict takes."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from estimators.wing_model import AERODYNAMIC, Airframe
+from links.airframes import AirframeError, load_airframe
+from monitor.settings.base import Section
+
+__all__ = ["SurfaceSettings", "WingSettings", "airframe_of"]
+
+
+class SurfaceSettings(Section):
+    """A control surface and the servo output that moves it."""
+
+    channel: int = Field(ge=1, le=16, description="Servo output.")
+    trim_us: float | None = Field(
+        None,
+        ge=500,
+        le=2500,
+        description="Pulse at which the surface is at zero [us]; unset: SERVOn_TRIM where that "
+        "parameter was heard, else 1500.",
+    )
+    travel_us: float = Field(
+        400.0, gt=0, le=1000, description="Pulse from trim to travel_deg [us]."
+    )
+    travel_deg: float = Field(
+        25.0, gt=0, le=60, description="Deflection at trim plus travel [deg]."
+    )
+    reversed: bool = Field(
+        False,
+        description="A longer pulse moves the surface to the negative side. Positive are: elevator "
+        "trailing edge down, aileron right wing down, rudder nose left.",
+    )
+
+
+class WingSettings(Section):
+    """What is known of the aircraft, and what is asked before a wing is called damaged.
+
+    Without an airframe nothing can be said of its wings: they are unmonitored.
+    """
+
+    airframe: str = Field(
+        "",
+        description="Bundled name (aerosonde) or TOML file of coefficients; empty: none is known.",
+    )
+    elevator: SurfaceSettings = SurfaceSettings(channel=2)
+    aileron: SurfaceSettings = SurfaceSettings(channel=1)
+    rudder: SurfaceSettings = SurfaceSettings(channel=4)
+    throttle_channel: int = Field(3, ge=1, le=16, description="Servo output of the throttle.")
+    thrust_from: Literal["rpm", "throttle", "auto"] = Field(
+        "auto", description="Source of the propeller's speed; auto: rpm where it comes."
+    )
+    spool: int = Field(0, ge=0, le=15, description="Engine-speed channel that turns the propeller.")
+    spool_ratio: float = Field(
+        1.0, gt=0, description="Turns of the propeller for one turn that the channel shows."
+    )
+    prop_idle_rad_s: float = Field(
+        0.0, ge=0, description="Without rpm: propeller's speed at throttle 0, standing [rad/s]."
+    )
+    prop_full_rad_s: float = Field(
+        520.0, gt=0, description="Without rpm: propeller's speed at throttle 1, standing [rad/s]."
+    )
+    prop_advance_rad_m: float = Field(
+        6.0, ge=0, description="Without rpm: what airspeed adds to it [rad/s per m/s]."
+    )
+    coefficient_share: float = Field(
+        0.15,
+        ge=0,
+        le=1,
+        description="Deviation of a coefficient as a share of it, where the airframe's file gives "
+        "no deviation of its own.",
+    )
+    gust_m_s: float = Field(
+        0.5,
+        gt=0,
+        description="Unknown wind per axis that the filtered residuals keep [m/s]. Fitted on "
+        "flights of the bundled airframe in wind of 20 to 25 % of its airspeed.",
+    )
+    airspeed_std_m_s: float = Field(0.3, ge=0, description="Error of the airspeed [m/s].")
+    noise_share: float = Field(
+        0.02,
+        ge=0,
+        description="Share of the residuals' variances that is added to them, lest combinations "
+        "that no gust moves be trusted without bound.",
+    )
+    floor_m_s2: float = Field(
+        0.05, gt=0, description="Scatter of each acceleration's residual in calm air [m/s^2]."
+    )
+    floor_rad_s2: float = Field(0.01, gt=0, description="Scatter of each angular one's [rad/s^2].")
+    wind_time_s: float = Field(10.0, gt=0, description="tau_w: the wind is known so slowly [s].")
+    filter_time_s: float = Field(4.0, gt=0, description="tau_a: residuals are low-passed so [s].")
+    period_s: float = Field(0.5, ge=0.2, description="Time between two estimates [s].")
+    window: int = Field(50, ge=5, le=400, description="Rows of the moving horizon, count.")
+    growth_percent: float = Field(
+        1.0, gt=0, description="lambda: mean growth of a fault from row to row [%]."
+    )
+    carried_std_percent: float = Field(
+        1.0, gt=0, description="Deviation of a window's first point from the window before [%]."
+    )
+    tick_s: float = Field(0.05, ge=0.02, le=0.2, description="Step of the residuals [s].")
+    late_s: float = Field(
+        1.0,
+        gt=0,
+        le=3,
+        description="Longer gaps of a stream are not bridged, and none is waited for longer [s].",
+    )
+    least_airspeed_m_s: float = Field(
+        8.0, gt=0, description="Slower flight is not judged: wings near the stall [m/s]."
+    )
+    lift_percent: float = Field(
+        3.0,
+        gt=0,
+        description="A wing that has lost so much more lift than the other is damaged [%]. Healthy "
+        "flights with coefficients 15 % off reach 1.7.",
+    )
+    drag_percent: float = Field(
+        5.0,
+        gt=0,
+        description="A wing that has so much more drag than the other is damaged [%]. Healthy "
+        "flights with coefficients 15 % off reach 2.5.",
+    )
+    sigmas: float = Field(
+        1.5, ge=0, description="And the difference must exceed so many of its own deviations."
+    )
+    confirm_s: float = Field(0.5, ge=0, description="For so long [s].")
+    clear_share: float = Field(
+        0.5, gt=0, lt=1, description="Below this share of the threshold a wing is whole again."
+    )
+    clear_s: float = Field(30.0, gt=0, description="If it stays there for so long [s].")
+
+    @model_validator(mode="after")
+    def _readable(self) -> Self:
+        if self.airframe:
+            airframe_of(self)
+        return self
+
+
+def airframe_of(settings: WingSettings) -> tuple[Airframe, list[float]]:
+    """The airframe, and the deviation of each of its numbers.
+
+    Coefficients have one; mass and geometry are known. A key ``<coefficient>_std`` in the file
+    takes the place of the settings' share.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, or a number is missing: the message names it.
+    """
+    try:
+        numbers = load_airframe(settings.airframe)
+        own = {n: numbers.pop(f"{n}_std") for n in AERODYNAMIC if f"{n}_std" in numbers}
+        airframe = Airframe.of(numbers)
+    except (AirframeError, ValueError) as error:
+        raise ValueError(f"{settings.airframe}: {error}") from None
+    std = []
+    for name in (field.name for field in fields(Airframe)):
+        share = settings.coefficient_share if name in AERODYNAMIC else 0.0
+        std.append(abs(own.get(name, share * getattr(airframe, name))))
+    return airframe, std

@@ -1,0 +1,149 @@
+"""Judgement of the wings: estimates in, changes of state out.
+
+A wing is damaged when it has lost more lift, or gained more drag, than the *other* one. What both
+have in common cannot be told from a wrong airspeed, another payload or an updraft.
+"""
+
+from __future__ import annotations
+
+from math import isfinite, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.wing_model import FAULTS
+from estimators.wing_stream import WingRun
+from links.vocabulary import Kind, Reason, State
+from monitor.settings.wing import WingSettings
+from monitor.verdict import Verdict
+
+__all__ = ["SENSORS", "WingJudge"]
+
+Array = NDArray[np.float64]
+
+SENSORS = tuple(f"wing_{fault}" for fault in FAULTS)
+"""In the order of :data:`estimators.wing_model.FAULTS`."""
+OTHER = (2, 3, 0, 1)
+LEFT_ZERO = 0.1
+"""A difference above this share of its threshold has begun to grow."""
+STEP_PERCENT_S = 0.8
+"""A difference that grew faster than this did not creep up [%/s]."""
+ESTIMATOR = "wing_stream"
+
+
+class WingJudge:
+    """States of four faults."""
+
+    def __init__(self, settings: WingSettings) -> None:
+        s = settings
+        self._limit = (s.lift_percent, s.drag_percent, s.lift_percent, s.drag_percent)
+        self._sigmas, self._confirm_s = s.sigmas, s.confirm_s
+        self._clear_share, self._clear_s = s.clear_share, s.clear_s
+        self._peaks = {"wing.lift_percent": nan, "wing.drag_percent": nan}
+        self._said: list[State | None] = [None] * 4
+        self._reason: Reason | None = None
+        self.renew()
+
+    def renew(self) -> None:
+        """A new flight: nothing is held against a wing."""
+        self._begun = False
+        self._damaged = [False] * 4
+        self._since: list[float] = [nan] * 4
+        self._below: list[float] = [nan] * 4
+        self._onset: list[float] = [nan] * 4
+
+    @property
+    def waiting(self) -> bool:
+        """No estimate has come since the flight began, and nobody was told so."""
+        return not self._begun and self._reason is not Reason.LEARNING
+
+    def peaks(self) -> dict[str, float]:
+        """Largest differences of wings that were judged and not damaged [%]."""
+        return {key: value for key, value in self._peaks.items() if isfinite(value)}
+
+    def cannot(self, t_us: int, reason: Reason, why: str = "") -> list[Verdict]:
+        """The wings cannot be judged from here on."""
+        if self._reason is reason:
+            return []
+        self._reason = reason
+        self._said = [State.UNMONITORED] * 4
+        return [
+            Verdict(t_us, sensor, State.UNMONITORED, reason, evidence=why) for sensor in SENSORS
+        ]
+
+    def judge(self, run: WingRun, epoch_us: int) -> list[Verdict]:
+        """Verdicts on rows of estimates."""
+        out: list[Verdict] = []
+        for t_s, f, std in zip(run.t_s.tolist(), run.f.tolist(), run.std.tolist(), strict=True):
+            self._reason, self._begun = None, True
+            for i in range(4):
+                out += self._one(i, t_s, f[i] - f[OTHER[i]], std[4 + i % 2], epoch_us)
+        return out
+
+    def _one(self, i: int, t_s: float, apart: float, std: float, epoch_us: int) -> list[Verdict]:
+        """One fault at one row: its excess over the other wing's, and the deviation of that."""
+        limit = max(self._limit[i], self._sigmas * std)
+        if apart <= LEFT_ZERO * self._limit[i] or not isfinite(self._onset[i]):
+            self._onset[i] = t_s
+        if self._damaged[i]:
+            self._clear(i, t_s, apart)
+        else:
+            key = "wing.lift_percent" if i % 2 == 0 else "wing.drag_percent"
+            if apart > limit:
+                self._since[i] = t_s if not isfinite(self._since[i]) else self._since[i]
+                self._damaged[i] = t_s - self._since[i] >= self._confirm_s
+                self._below[i] = nan
+            else:
+                self._since[i] = nan
+                peak = self._peaks[key]
+                self._peaks[key] = apart if not apart <= peak else peak
+        state = State.FAULTY if self._damaged[i] else State.OK
+        if state is self._said[i]:
+            return []
+        again = self._said[i] is State.FAULTY
+        self._said[i] = state
+        return [self._verdict(i, t_s, state, (apart, limit, std), again, epoch_us)]
+
+    def _clear(self, i: int, t_s: float, apart: float) -> None:
+        if apart >= self._clear_share * self._limit[i]:
+            self._below[i] = nan
+            return
+        if not isfinite(self._below[i]):
+            self._below[i] = t_s
+        if t_s - self._below[i] >= self._clear_s:
+            self._damaged[i] = False
+            self._since[i] = self._below[i] = nan
+
+    def _verdict(
+        self,
+        i: int,
+        t_s: float,
+        state: State,
+        values: tuple[float, float, float],
+        again: bool,
+        epoch_us: int,
+    ) -> Verdict:
+        apart, limit, std = values
+        t_us = epoch_us + round(t_s * 1e6)
+        side, what = FAULTS[i].split(".")
+        other = "left" if side == "right" else "right"
+        if state is State.OK:
+            said = f"the {side} wing's {what} is that of the {other} one{' again' if again else ''}"
+            return Verdict(t_us, SENSORS[i], state, estimator=ESTIMATOR, evidence=said)
+        lasting_s = t_s - self._onset[i]
+        is_step = apart > STEP_PERCENT_S * max(lasting_s, 0.5)
+        changed = "lost" if what == "lift" else "gained"
+        return Verdict(
+            t_us,
+            SENSORS[i],
+            state,
+            kind=Kind.BIAS if is_step else Kind.DRIFT,
+            onset_t_us=epoch_us + round(self._onset[i] * 1e6),
+            magnitude=-apart if what == "lift" else apart,
+            unit="%",
+            statistic=apart,
+            threshold=limit,
+            estimator=ESTIMATOR,
+            evidence=f"the {side} wing has {changed} {apart:.1f} % {what} more than the {other} "
+            f"one within {lasting_s:.0f} s, give or take {std:.1f} %",
+        )
