@@ -1,4 +1,4 @@
-"""The engine watch on flights of the Aerosonde in wind, and of a jet: one thing broken each time."""
+"""The engine watch on the Aerosonde in wind, and on a jet: one thing broken each time."""
 
 from __future__ import annotations
 

@@ -39,7 +39,9 @@ def decoded(path: Path) -> tuple[Batch, int]:
 @cache
 def learnt(data: Path) -> EngineLearnt:
     """From the calm flight alone."""
-    return learn_engine([measure_engine(data / "sitl/n1_calm_nominal.tlog", Settings())], Settings())
+    return learn_engine(
+        [measure_engine(data / "sitl/n1_calm_nominal.tlog", Settings())], Settings()
+    )
 
 
 def alarms(path: Path, engine: EngineSettings) -> list[tuple[float, Verdict]]:
@@ -58,9 +60,7 @@ def test_no_engine_is_blamed_whatever_breaks_elsewhere(shared_data: Path, name: 
     path = shared_data / f"sitl/{name}.tlog"
     assert not alarms(path, EngineSettings())
     fit = learnt(shared_data)
-    model = EngineSettings(
-        model="single-shaft", channels=fit.channels, single_shaft=fit.settings
-    )
+    model = EngineSettings(model="single-shaft", channels=fit.channels, single_shaft=fit.settings)
     assert not alarms(path, model)
 
 
