@@ -16,6 +16,7 @@ from sim_feeds.sensors import GPS_AXES
 __all__ = ["ATTITUDE_AXES", "FaultEntry"]
 
 ATTITUDE_AXES: Final = ("roll", "pitch", "yaw")
+WING_FORCES: Final = ("lift", "drag")
 
 _UNITS: Final[dict[str, dict[str, float]]] = {
     "acc": {"m_s2": 1.0},
@@ -26,6 +27,8 @@ _UNITS: Final[dict[str, dict[str, float]]] = {
     "gps": {"m_s": 1.0},
     "attitude": {"rad": 1.0, "deg": radians(1.0)},
     "spool": {"rpm": 1.0},
+    "wing": {"percent": 1.0},
+    "engine": {},
 }
 """Quantity of a sensor -> units in which a fault's size may be written, as factors to SI."""
 
@@ -38,6 +41,7 @@ _NEEDS: Final = {
     FaultKind.RUNAWAY: "rate",
     FaultKind.SCALE: "fraction",
     FaultKind.NRZ: "fraction",
+    FaultKind.INTERMITTENT: "fraction",
     FaultKind.ICING: "fraction_per_s",
 }
 
@@ -46,7 +50,8 @@ class FaultEntry(Strict):
     """One fault: ``size_<unit>`` or ``rate_<unit>_per_s`` in a unit that fits the sensor.
 
     bias, oscillation, noise and jamming need a size; drift and runaway a rate; scale and nrz a
-    ``fraction``; icing a ``fraction_per_s``.
+    ``fraction``, as does intermittent; icing a ``fraction_per_s``. Wings are damaged by a bias (at
+    once) or a drift in percent: lift that is lost, drag that is added. An engine can only stop.
     """
 
     sensor: str
@@ -62,6 +67,7 @@ class FaultEntry(Strict):
     size_deg: float | None = None
     size_pa: float | None = None
     size_rpm: float | None = None
+    size_percent: float | None = None
     rate_m_s2_per_s: float | None = None
     rate_rad_s_per_s: float | None = None
     rate_deg_s_per_s: float | None = None
@@ -71,12 +77,14 @@ class FaultEntry(Strict):
     rate_deg_per_s: float | None = None
     rate_pa_per_s: float | None = None
     rate_rpm_per_s: float | None = None
+    rate_percent_per_s: float | None = None
     limit_m_s2: float | None = Field(None, gt=0.0)
     limit_deg_s: float | None = Field(None, gt=0.0)
     limit_m_s: float | None = Field(None, gt=0.0)
     limit_kt: float | None = Field(None, gt=0.0)
     limit_deg: float | None = Field(None, gt=0.0)
     limit_rpm: float | None = Field(None, gt=0.0)
+    limit_percent: float | None = Field(None, gt=0.0)
     fraction: float | None = Field(None, description="Of the reading: -0.2 reads 20 % low.")
     fraction_per_s: float | None = Field(None, gt=0.0)
     period_s: float = Field(2.0, gt=0.0)
@@ -92,13 +100,18 @@ class FaultEntry(Strict):
             return "gps"
         if axis in ATTITUDE_AXES and base == "attitude":
             return "attitude"
+        if axis in WING_FORCES and re.fullmatch(r"wing_(left|right)", base):
+            return "wing"
+        if not axis and re.fullmatch(r"engine\d", base):
+            return "engine"
         if not axis and re.fullmatch(r"(airspeed|aoa|baro)[0-2]|spool(\d|1[0-5])", base):
             return base.rstrip("0123456789")
         if not axis and re.fullmatch(r"imu[0-4]|gps[01]|attitude", base):
             return ""
         raise ValueError(
             f"{self.sensor!r} is no sensor: imu0.acc_x ... imu4.gyro_z, airspeed0..2, aoa0..2, "
-            "baro0..2, gps0.vel_n, attitude.roll, spool0, or for a dropout imu0, gps0, attitude"
+            "baro0..2, gps0.vel_n, attitude.roll, spool0, wing_left.lift, engine0, or for a "
+            "dropout imu0, gps0, attitude"
         )
 
     @model_validator(mode="after")
@@ -112,6 +125,14 @@ class FaultEntry(Strict):
             raise ValueError("an outage is a fault of gps0 or gps1")
         if self.kind in PLUMBING and quantity != "airspeed":
             raise ValueError(f"{self.kind} is a fault of an airspeed sensor's tubes")
+        if quantity == "wing" and self.kind not in (FaultKind.BIAS, FaultKind.DRIFT):
+            raise ValueError("a wing is damaged by a bias or a drift, in percent")
+        if (quantity == "engine") != (self.kind is FaultKind.STOP):
+            raise ValueError("an engine can only stop, and only an engine does")
+        if self.kind is FaultKind.STOP and self.end_s is not None:
+            raise ValueError("an engine that stopped is not started again: no end_s")
+        if self.kind is FaultKind.INTERMITTENT and not 0.0 < (self.fraction or 0.0) < 1.0:
+            raise ValueError("intermittent needs a fraction between 0 and 1")
         fitting = _UNITS.get(quantity, {})
         for key in sorted(self.model_fields_set):
             unit = re.fullmatch(r"(?:size|limit)_(\w+)|rate_(\w+)_per_s", key)

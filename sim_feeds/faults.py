@@ -20,6 +20,8 @@ icing         x (1 - rate t), at least a tenth of x: ice slowly closes the openi
 dropout       no data
 outage        of a satellite receiver: messages go on, without a fix (see sensors.Gps)
 dead          0
+intermittent  in a share ``size`` of the readings anything from 0 to x: pulses that were not counted
+stop          of an engine, which gives no power any more
 ============  =====================================================================================
 """
 
@@ -28,6 +30,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf, pi
+from statistics import NormalDist
 from typing import Final
 
 import numpy as np
@@ -36,6 +39,7 @@ from numpy.typing import NDArray
 from links.vocabulary import GYRO_ACC_AXES, Kind
 
 __all__ = [
+    "DRAWN",
     "KNOT_M_S",
     "PLUMBING",
     "Fault",
@@ -67,6 +71,8 @@ class FaultKind(StrEnum):
     DROPOUT = "dropout"
     OUTAGE = "outage"
     DEAD = "dead"
+    INTERMITTENT = "intermittent"
+    STOP = "stop"
     PITOT_BLOCKED = "pitot-blocked"
     PITOT_DRAINING = "pitot-draining"
     STATIC_BLOCKED = "static-blocked"
@@ -83,6 +89,8 @@ _SEEN_AS: Final = {
     FaultKind.NRZ: Kind.BIAS,
     FaultKind.ICING: Kind.SCALE,
     FaultKind.DEAD: Kind.STUCK,
+    FaultKind.INTERMITTENT: Kind.NOISE,
+    FaultKind.STOP: Kind.UNKNOWN,
     FaultKind.PITOT_BLOCKED: Kind.STUCK,
     FaultKind.PITOT_DRAINING: Kind.RUNAWAY,
     FaultKind.STATIC_BLOCKED: Kind.DRIFT,
@@ -92,6 +100,9 @@ PLUMBING: Final = frozenset(
     {FaultKind.PITOT_BLOCKED, FaultKind.PITOT_DRAINING, FaultKind.STATIC_BLOCKED}
 )
 """Faults of the tubes: they act on pressures, see :func:`plumbing`."""
+
+DRAWN: Final = frozenset({FaultKind.NOISE, FaultKind.INTERMITTENT})
+"""Faults that take a standard normal number per reading."""
 
 ICED_SHARE: Final = 0.1
 """What a fully iced opening lets through."""
@@ -119,7 +130,7 @@ class Fault:
     start_s, end_s
         Onset and end, in the time of the samples; without an end it stays.
     size
-        In the channel's SI unit; a fraction for nrz and scale.
+        In the channel's SI unit; a fraction for nrz, scale and intermittent.
     rate
         Per second: SI unit for drift and runaway, fraction for icing.
     limit
@@ -153,9 +164,9 @@ class Fault:
         t_s, x : (n,) float64
             Ascending times and healthy readings.
         rng
-            For the noise fault; one draw per sample, whatever the times.
+            For faults that are :data:`DRAWN`; one draw per sample, whatever the times.
         """
-        noise = rng.standard_normal(len(x)) if self.kind is FaultKind.NOISE else None
+        noise = rng.standard_normal(len(x)) if self.kind in DRAWN else None
         return self.disturb(t_s, x, self._before(t_s, x), noise)
 
     def disturb(
@@ -170,7 +181,7 @@ class Fault:
         held : (n,) float64 or float
             Last reading before the onset.
         noise : (n,) float64
-            Standard normal, for the noise fault.
+            Standard normal, for faults that are :data:`DRAWN`.
         """
         on = self.active(t_s)
         age = np.where(on, t_s - self.start_s, 0.0)
@@ -197,6 +208,8 @@ class Fault:
                 broken = np.full_like(x, np.nan)
             case FaultKind.DEAD:
                 broken = np.zeros_like(x)
+            case FaultKind.INTERMITTENT:
+                broken = x if noise is None else x * _counted(noise, self.size)
             case _:
                 return x
         return np.where(on, broken, x)
@@ -231,6 +244,15 @@ class Fault:
     def _before(self, t_s: Floats, x: Floats) -> float:
         """Last reading before the onset."""
         return float(x[max(int(np.searchsorted(t_s, self.start_s)) - 1, 0)]) if len(x) else 0.0
+
+
+def _counted(noise: Floats, share: float) -> Floats:
+    """Share of the pulses that a reading counted: 1, or in ``share`` of the readings uniform."""
+    limit = NormalDist().inv_cdf(share)
+    lost = noise < limit
+    out = np.ones_like(noise)
+    out[lost] = [NormalDist().cdf(n) / share for n in noise[lost].tolist()]
+    return out
 
 
 def apply_all(faults: list[Fault], t_s: Floats, x: Floats, rng: np.random.Generator) -> Floats:

@@ -21,7 +21,7 @@ from links.samples import Rows, empty_rows, quantity_of
 from links.vocabulary import GYRO_ACC_AXES
 from sim_feeds.attitude_follow import AttitudeFollower, AttitudeFollows
 from sim_feeds.fault_table import ATTITUDE_AXES
-from sim_feeds.faults import PLUMBING, Fault, FaultKind, Trapped
+from sim_feeds.faults import DRAWN, PLUMBING, Fault, FaultKind, Trapped
 from sim_feeds.rotation import (
     euler_from_matrix,
     matrix_from_euler,
@@ -158,7 +158,7 @@ class _Channel:
         for k, (fault, memory) in enumerate(self._faults):
             held = memory.at(t_s < fault.start_s, x)
             noise = None
-            if fault.kind is FaultKind.NOISE:
+            if fault.kind in DRAWN:
                 noise = keyed_normal(self._seed, f"{self._name}#{k}", t_us)
             x = fault.disturb(t_s, x, held, noise)
         return x

@@ -14,6 +14,7 @@ from pydantic import Field
 from sim_feeds import wind as winds
 from sim_feeds.flightplan import FlightPlan
 from sim_feeds.section import Strict
+from sim_feeds.von_karman import VonKarman
 
 __all__ = ["Leg", "WindPart"]
 
@@ -208,6 +209,22 @@ class Turbulence(Strict):
         )
 
 
+class VonKarmanTurbulence(Strict):
+    """Von Karman turbulence: Dryden's intensities, but true at the short waves a small wing feels.
+
+    MIL-F-8785C prefers it; see :mod:`sim_feeds.von_karman`.
+    """
+
+    kind: Literal["von-karman"]
+    wind_6m_m_s: float = Field(7.7, ge=0.0, description="Mean wind at 20 ft; 7.7 is light.")
+    high_std_m_s: float = Field(1.5, ge=0.0, description="Intensity above 2000 ft.")
+
+    def component(self) -> winds.Component:
+        """The wind model."""
+        return VonKarman(self.wind_6m_m_s, self.high_std_m_s)
+
+
 WindPart = Annotated[
-    ConstantWind | RampWind | GustWind | ShearWind | Turbulence, Field(discriminator="kind")
+    ConstantWind | RampWind | GustWind | ShearWind | Turbulence | VonKarmanTurbulence,
+    Field(discriminator="kind"),
 ]

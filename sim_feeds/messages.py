@@ -164,13 +164,17 @@ AUTO_MODE: Final = 10
 
 
 def _parameters(flight: Flight) -> Iterator[Sending]:
-    """PARAM_VALUE of what a listener needs to know of the pitots, once at the start."""
+    """PARAM_VALUE of what a listener needs to know of pitots and servos, once at the start."""
     a = flight.scenario.airspeed
     values = {
         f"ARSPD{i + 1 if i else ''}_{key}": value
         for i in range(min(a.count, 2))
         for key, value in (("TYPE", 1.0), ("RATIO", a.ratio))
     }
+    if flight.controls is not None:
+        for i, servo in enumerate(SERVOS, start=1):
+            keys = ("FUNCTION", "MIN", "TRIM", "MAX", "REVERSED")
+            values |= {f"SERVO{i}_{key}": x for key, x in zip(keys, servo, strict=True)}
     names = [name.encode() for name in values]
     yield Sending(
         dialect.MAVLink_param_value_message,
@@ -367,8 +371,13 @@ def _hud(flight: Flight) -> list[Sending]:
 
 
 def _throttle(flight: Flight) -> Floats:
-    """Throttle in 0..1 on the truth grid: level flight, plus what accelerates or climbs."""
+    """Throttle in 0..1 on the truth grid.
+
+    What the autopilot asks; of a kinematic aircraft level flight, plus what accelerates or climbs.
+    """
     truth = flight.truth
+    if flight.controls is not None:
+        return flight.controls.throttle
     cruise = AIRFRAMES[flight.scenario.aircraft].cruise_m_s
     drag = 0.08 * STANDARD_GRAVITY_M_S2 * (0.5 + 0.5 * (truth.cas_m_s / cruise) ** 2)
     wanted = np.where(truth.tas_m_s > 1.0, drag + truth.thrust_acc_m_s2, 0.0)
@@ -376,22 +385,69 @@ def _throttle(flight: Flight) -> Floats:
 
 
 def _engine(flight: Flight) -> Iterator[Sending]:
-    """RPM (one engine; the second reads -1 as where none is fitted) and SERVO_OUTPUT_RAW."""
+    """Engine speeds and servo outputs."""
+    yield from _shafts(flight) if flight.controls else _invented_rpm(flight)
+    if flight.scenario.messages.servo_hz:
+        yield _servos(flight)
+
+
+def _invented_rpm(flight: Flight) -> Iterator[Sending]:
+    """RPM of a kinematic aircraft: one engine; the second reads -1 as where none is fitted."""
     truth, m, a = flight.truth, flight.scenario.messages, AIRFRAMES[flight.scenario.aircraft]
-    throttle = _throttle(flight)
     if m.rpm_hz:
         t, sent = _even(flight, m.rpm_hz, "rpm")
-        speed = a.idle_rpm + (a.full_rpm - a.idle_rpm) * lagged(throttle, truth.dt_s, 1.0) ** 0.5
+        throttle = lagged(_throttle(flight), truth.dt_s, 1.0)
+        speed = a.idle_rpm + (a.full_rpm - a.idle_rpm) * throttle**0.5
         rng = stream(flight.seed, "rpm0")
         rpm = np.interp(t, truth.t_s, speed) * (1.0 + 0.002 * rng.standard_normal(len(t)))
         yield Sending(dialect.MAVLink_rpm_message, sent, [rpm, -1.0])
-    if m.servo_hz:
-        t, sent = _even(flight, m.servo_hz, "servo")
+
+
+def _shafts(flight: Flight) -> Iterator[Sending]:
+    """RPM for one or two channels, RAW_RPM for more; -1 or no message where one drops out."""
+    s = flight.readings["rpm"]
+    sent = _boot(flight, s.sent_s, US)
+    channels = s.values.shape[1]
+    if 1 <= channels <= 2:
+        speeds = [np.nan_to_num(x, nan=-1.0) for x in s.values.T]
+        yield Sending(dialect.MAVLink_rpm_message, sent, [*speeds, -1.0][:2])
+        return
+    for i, x in enumerate(s.values.T):
+        there = np.isfinite(x)
+        yield Sending(dialect.MAVLink_raw_rpm_message, sent[there], [i, x[there]])
+
+
+def _servos(flight: Flight) -> Sending:
+    """SERVO_OUTPUT_RAW: aileron, elevator, throttle, rudder, see :data:`SERVOS`.
+
+    Real ones are what the autopilot asks; the surfaces of a kinematic aircraft follow its rates.
+    """
+    truth, c = flight.truth, flight.controls
+    t, sent = _even(flight, flight.scenario.messages.servo_hz, "servo")
+    if c is not None:
+        asked = (c.aileron, c.elevator, c.throttle, c.rudder)
+        # A command holds until the next: no value between two.
+        now = np.clip(np.searchsorted(c.t_s, t, "right") - 1, 0, None)
+        roll, pitch, power, yaw = (column[now] for column in asked)
+    else:
         roll, pitch, yaw = (
             np.interp(t, truth.t_s, truth.rate_rad_s[:, k] / radians(60.0)) for k in range(3)
         )
-        lift = np.interp(t, truth.t_s, truth.aoa_rad) * 2.0 / pi
-        pulses = [1500 + 400 * x for x in (roll, -pitch - lift)]
-        pulses += [1000 + 1000 * np.interp(t, truth.t_s, throttle), 1500 + 400 * yaw]
-        columns = [_boot(flight, t, US) % 2**32, 0, *(_unsigned(p) for p in pulses), *[0] * 4]
-        yield Sending(dialect.MAVLink_servo_output_raw_message, sent, columns)
+        pitch = -pitch - np.interp(t, truth.t_s, truth.aoa_rad) * 2.0 / pi
+        power = np.interp(t, truth.t_s, _throttle(flight))
+    pulses = [1500 + 400 * roll, 1500 + 400 * pitch, 1000 + 1000 * power, 1500 + 400 * yaw]
+    columns = [_boot(flight, t, US) % 2**32, 0, *(_unsigned(p) for p in pulses), *[0] * 4]
+    return Sending(dialect.MAVLink_servo_output_raw_message, sent, columns)
+
+
+SERVOS: Final = (
+    # function of ArduPlane, pulses at -1 (throttle: 0), 0 and 1, reversed
+    (4, 1100.0, 1500.0, 1900.0, 0.0),
+    (19, 1100.0, 1500.0, 1900.0, 1.0),
+    (70, 1000.0, 1000.0, 2000.0, 0.0),
+    (21, 1100.0, 1500.0, 1900.0, 1.0),
+)
+"""Outputs 1 to 4. A longer pulse turns the right wing down, the nose down, the nose to the left.
+
+ArduPlane counts nose up and nose right as positive: its elevator and rudder are reversed.
+"""

@@ -24,7 +24,11 @@ def feed(
         str, typer.Argument(metavar="SCENARIO", help="Bundled scenario or a TOML file.")
     ] = "demo",
     aircraft: Annotated[
-        str | None, typer.Option(help="transport, light-aircraft or small-uav, not the scenario's.")
+        str | None,
+        typer.Option(
+            help="Not the scenario's: transport, light-aircraft, small-uav; or with the extra sim "
+            "aerosonde, c172p, A320 and others of JSBSim, which fly a circuit instead of the legs."
+        ),
     ] = None,
     to: Annotated[
         str, typer.Option("--to", metavar="LINK|FILE.tlog", help="Where the frames go.")
@@ -66,13 +70,13 @@ def fly(scenario: str, aircraft: str | None = None, seed: int | None = None) -> 
     Raises
     ------
     Refused
-        There is no such scenario, or a value in it does not fit.
+        There is no such scenario, a value in it does not fit, or its aircraft needs JSBSim.
     """
-    from sim_feeds.scenario import ScenarioError, load
+    from sim_feeds.scenario import ScenarioError, load, with_aircraft
 
     def override(table: dict[str, Any]) -> None:
         if aircraft is not None:
-            table["aircraft"] = aircraft
+            with_aircraft(table, aircraft)
 
     try:
         return load(scenario, override).fly(seed)

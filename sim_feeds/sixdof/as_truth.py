@@ -11,12 +11,13 @@ import numpy as np
 from sim_feeds import earth
 from sim_feeds.rotation import quaternion_from_matrix, rotate, rotate_back
 from sim_feeds.sixdof.flight import SixDofFlight
+from sim_feeds.sixdof.vehicle import VehicleFlight
 from sim_feeds.trajectory import Truth
 
 __all__ = ["as_truth"]
 
 
-def as_truth(flight: SixDofFlight, *, field_m: float = 0.0) -> Truth:
+def as_truth(flight: SixDofFlight | VehicleFlight, *, field_m: float = 0.0) -> Truth:
     """Truth on the grid of the flight.
 
     Parameters

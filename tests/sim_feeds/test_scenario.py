@@ -90,7 +90,10 @@ def fault(line: str) -> str:
     ("text", "says"),
     [
         ("title = ", "no TOML"),
-        (MINIMAL.replace("small-uav", "glider"), "'transport', 'light-aircraft' or 'small-uav'"),
+        (
+            MINIMAL.replace("small-uav", "glider"),
+            "glider does not fly leg: the kinematic transport",
+        ),
         (MINIMAL + "[imu]\ncuont = 1\n", "imu.cuont: unknown key; did you mean 'count'"),
         (MINIMAL.replace("duration_s", "duration"), "did you mean 'duration_s'"),
         (MINIMAL.replace("level", "loop"), "do not|does not match"),
