@@ -7,6 +7,7 @@ c         airframe (:meth:`estimators.wing_model.Airframe.row`)               (4
 d         standard deviation of each of its numbers, 0 for those that are known (41,)
 g         residual gust: what the filtered residuals keep of unknown wind     m/s
 s_V       error of the airspeed                                               m/s
+s_tilt    error of roll and of pitch                                          rad
 Q         covariance of the residuals of a healthy aircraft                   (6, 6)      (9)
 y, S      residuals and signatures (:mod:`estimators.wing_residuals`)         (6,)(6, 4)
 L         Q = L L'; rows are whitened, L^-1 y and L^-1 S                      (6, 6)
@@ -54,7 +55,15 @@ def add_outer(moved: Array, phi: Array, Q: Array) -> None:
 
 @kernel
 def noise_row(
-    c: Array, d: Array, x: Array, gust: float, tas_std: float, share: float, floor: Array, Q: Array
+    c: Array,
+    d: Array,
+    x: Array,
+    gust: float,
+    tas_std: float,
+    tilt_std: float,
+    share: float,
+    floor: Array,
+    Q: Array,
 ) -> None:
     """Covariance of one row's residuals.
 
@@ -63,8 +72,8 @@ def noise_row(
     c, d : (41,) float64
     x : (INPUTS,) float64
         See :func:`estimators.wing_model.inputs_of`; with a measured airspeed.
-    gust, tas_std
-        g and s_V [m/s].
+    gust, tas_std, tilt_std
+        g, s_V, s_tilt [m/s, m/s, rad].
     share
         Of the diagonal, added to it.
     floor : (6,) float64 [m/s^2, rad/s^2]
@@ -82,6 +91,11 @@ def noise_row(
         predict(cc, xx, none, moved)
         add_outer(moved, phi, Q)
         xx[WIND0 + a] = x[WIND0 + a]
+    for a in range(2):
+        xx[a] = x[a] + tilt_std
+        predict(cc, xx, none, moved)
+        add_outer(moved, phi, Q)
+        xx[a] = x[a]
     xx[TAS] = x[TAS] + tas_std
     predict(cc, xx, none, moved)
     add_outer(moved, phi, Q)
@@ -98,8 +112,8 @@ def noise_row(
 
 @kernel
 def whiten_rows(
-    c: Array, d: Array, x: Array, gust: float, tas_std: float, share: float, floor: Array,
-    y: Array, S: Array,
+    c: Array, d: Array, x: Array, gust: float, tas_std: float, tilt_std: float, share: float,
+    floor: Array, y: Array, S: Array,
 ) -> int:  # fmt: skip
     """Divide residuals and signatures by the square root of their row's Q, in place.
 
@@ -120,7 +134,7 @@ def whiten_rows(
     Q, L, column = np.empty((AXES, AXES)), np.empty((AXES, AXES)), np.empty(AXES)
     lost = 0
     for k in range(len(y)):
-        noise_row(c, d, x[k], gust, tas_std, share, floor, Q)
+        noise_row(c, d, x[k], gust, tas_std, tilt_std, share, floor, Q)
         if not cholesky(Q, L):
             lost += 1
             for i in range(AXES):

@@ -36,7 +36,7 @@ class WingTuning:
     ----------
     coefficient_std : (41,) float64
         d of :mod:`estimators.wing_noise`.
-    gust_m_s, tas_std_m_s, share, floor
+    gust_m_s, tas_std_m_s, tilt_std_rad, share, floor
         See :func:`estimators.wing_noise.noise_row`.
     tau_wind_s, tau_acc_s, period_s
         tau_w, tau_a and the spacing of estimates.
@@ -47,6 +47,7 @@ class WingTuning:
     coefficient_std: Array
     gust_m_s: float
     tas_std_m_s: float
+    tilt_std_rad: float
     share: float
     floor: Array
     tau_wind_s: float
@@ -119,7 +120,7 @@ class WingStream:
         inputs = np.ascontiguousarray(x[np.searchsorted(t, at)])
         whiten_rows(
             self._c, tuning.coefficient_std, inputs, tuning.gust_m_s, tuning.tas_std_m_s,
-            tuning.share, tuning.floor, y, S,
+            tuning.tilt_std_rad, tuning.share, tuning.floor, y, S,
         )  # fmt: skip
         if len(at) and math.isnan(self._first_s):
             self._first_s = float(at[0])

@@ -82,6 +82,9 @@ class WingSettings(Section):
         "flights of the bundled airframe in wind of 20 to 25 % of its airspeed.",
     )
     airspeed_std_m_s: float = Field(0.3, ge=0, description="Error of the airspeed [m/s].")
+    tilt_std_deg: float = Field(
+        0.3, ge=0, description="Error of roll and pitch, which gravity turns into force [deg]."
+    )
     noise_share: float = Field(
         0.02,
         ge=0,

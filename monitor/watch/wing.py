@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ def wing_tuning(s: WingSettings, coefficient_std: list[float]) -> WingTuning:
         coefficient_std=np.array(coefficient_std),
         gust_m_s=s.gust_m_s,
         tas_std_m_s=s.airspeed_std_m_s,
+        tilt_std_rad=radians(s.tilt_std_deg),
         share=s.noise_share,
         floor=np.array([s.floor_m_s2] * 3 + [s.floor_rad_s2] * 3),
         tau_wind_s=s.wind_time_s,
