@@ -1,7 +1,8 @@
 """Wing faults of a flight as it comes: input rows to estimates with their deviations.
 
 The chain of samar2006 on a stream: slow wind (:mod:`estimators.wing_wind`), residuals and
-signatures (:mod:`estimators.wing_residuals`), their covariance (:mod:`estimators.wing_noise`), the
+signatures (:mod:`estimators.wing_residuals`) with the accelerometers' word where there is one
+(:mod:`estimators.wing_force`), their covariance (:mod:`estimators.wing_noise`), the
 monotone moving horizon on whitened rows (:mod:`estimators.monotone_map`) and the deviations of what
 it says (:mod:`estimators.wing_spread`). Where the stream is cut changes nothing.
 """
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.monotone_map import MapTuning, MonotoneMap
+from estimators.wing_force import FORCE_STATE, T_LAST, force_rows
 from estimators.wing_model import AXES, FAULTS, Airframe
 from estimators.wing_noise import whiten_rows
 from estimators.wing_residuals import WingResiduals
@@ -40,6 +42,8 @@ class WingTuning:
         See :func:`estimators.wing_noise.noise_row`.
     tau_wind_s, tau_acc_s, period_s
         tau_w, tau_a and the spacing of estimates.
+    contradiction_m_s2
+        Largest d of :mod:`estimators.wing_force` at which a row is believed.
     N, lam_percent, R_percent2
         Of the moving horizon.
     """
@@ -53,6 +57,7 @@ class WingTuning:
     tau_wind_s: float
     tau_acc_s: float
     period_s: float
+    contradiction_m_s2: float
     N: int
     lam_percent: float
     R_percent2: float
@@ -69,11 +74,14 @@ class WingRun:
         Order of :data:`estimators.wing_model.FAULTS`.
     std : (n, 6) float64 [%]
         Of the four, and of right minus left: lift, drag.
+    trusted : (n,) bool
+        Accelerometers and velocity agree; the other rows have not been used.
     """
 
     t_s: Array
     f: Array
     std: Array
+    trusted: NDArray[np.bool_]
 
 
 class WingStream:
@@ -90,6 +98,8 @@ class WingStream:
             airframe, tau_a_s=tuning.tau_acc_s, period_s=tuning.period_s
         )
         self._wind = np.zeros(WIND_STATE)
+        self._force = np.zeros(FORCE_STATE)
+        self._force[T_LAST] = np.nan
         self._map = MonotoneMap(
             MapTuning(
                 np.eye(AXES),
@@ -103,7 +113,7 @@ class WingStream:
         self._ring, self._count = np.zeros((tuning.N, P, P)), np.zeros(1)
         self._first_s = math.nan
 
-    def run(self, t_s: Array, x: Array) -> WingRun:
+    def run(self, t_s: Array, x: Array, acc: Array) -> WingRun:
         """Take input rows in order; the wind's columns are filled in.
 
         Parameters
@@ -111,13 +121,21 @@ class WingStream:
         t_s : (n,) float64
         x : (n, INPUTS) float64
             See :func:`estimators.wing_model.inputs_of`; a row without an airspeed is passed over.
+        acc : (n, 3) float64 [m/s^2]
+            Mean specific force since the row before, NaN where none is measured.
         """
         tuning = self._tuning
         t, x = np.ascontiguousarray(t_s), np.array(x, order="C")
         own_wind(self._c, t, x, tuning.tau_wind_s, self._wind)
         x[np.isnan(x[:, 17]), 0] = np.nan
         at, y, S = self._residuals.run(t, x)
-        inputs = np.ascontiguousarray(x[np.searchsorted(t, at)])
+        d = np.empty((len(t), 3))
+        force_rows(t, x, np.ascontiguousarray(acc), tuning.tau_acc_s, self._force, d)
+        index = np.searchsorted(t, at)
+        y[:, :3] += d[index]
+        trusted = np.abs(d[index]).max(axis=1, initial=0.0) <= tuning.contradiction_m_s2
+        y[~trusted] = np.nan
+        inputs = np.ascontiguousarray(x[index])
         whiten_rows(
             self._c, tuning.coefficient_std, inputs, tuning.gust_m_s, tuning.tas_std_m_s,
             tuning.tilt_std_rad, tuning.share, tuning.floor, y, S,
@@ -126,7 +144,13 @@ class WingStream:
             self._first_s = float(at[0])
         # residuals begin at zero, signatures too: early rows say little and are left out
         keep = at >= self._first_s + 2.0 * tuning.tau_acc_s
-        at, y, S = at[keep], np.ascontiguousarray(y[keep]), np.ascontiguousarray(S[keep])
+        at, trusted, y, S = (
+            at[keep],
+            trusted[keep],
+            np.ascontiguousarray(y[keep]),
+            np.ascontiguousarray(S[keep]),
+        )
         std = np.empty((len(at), P + 2))
         spread_rows(S, self._kappa, self._ring, self._count, std)
-        return WingRun(at, self._map.run(y, S).f if len(at) else np.empty((0, P)), std)
+        f = self._map.run(y, S).f if len(at) else np.empty((0, P))
+        return WingRun(at, f, std, trusted)

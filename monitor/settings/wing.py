@@ -95,6 +95,16 @@ class WingSettings(Section):
         0.05, gt=0, description="Scatter of each acceleration's residual in calm air [m/s^2]."
     )
     floor_rad_s2: float = Field(0.01, gt=0, description="Scatter of each angular one's [rad/s^2].")
+    use_imu: bool = Field(
+        True,
+        description="Take accelerations from imu0 where it comes, not from the velocity alone.",
+    )
+    contradiction_m_s2: float = Field(
+        0.4,
+        gt=0,
+        description="Difference between accelerometers and the slope of the velocity, low-passed, "
+        "beyond which neither is believed [m/s^2].",
+    )
     wind_time_s: float = Field(10.0, gt=0, description="tau_w: the wind is known so slowly [s].")
     filter_time_s: float = Field(4.0, gt=0, description="tau_a: residuals are low-passed so [s].")
     period_s: float = Field(0.5, ge=0.2, description="Time between two estimates [s].")

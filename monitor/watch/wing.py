@@ -38,6 +38,7 @@ def wing_tuning(s: WingSettings, coefficient_std: list[float]) -> WingTuning:
         tau_wind_s=s.wind_time_s,
         tau_acc_s=s.filter_time_s,
         period_s=s.period_s,
+        contradiction_m_s2=s.contradiction_m_s2,
         N=s.window,
         lam_percent=s.growth_percent,
         R_percent2=s.carried_std_percent**2,
@@ -52,7 +53,9 @@ class WingWatch:
     """
 
     name = "wing"
-    quantities = frozenset({"attitude", "nav", "airspeed", "baro", "servo", "spool", "param"})
+    quantities = frozenset(
+        {"imu", "attitude", "nav", "airspeed", "baro", "servo", "spool", "param"}
+    )
 
     def __init__(self, settings: WingSettings) -> None:
         self._settings = settings
@@ -107,7 +110,7 @@ class WingWatch:
                 if self._judge.waiting:
                     t_us = epoch_us + round(float(ticks.t_s[a]) * 1e6)
                     verdicts += self._judge.cannot(t_us, Reason.LEARNING)
-                run = self._stream.run(ticks.t_s[a:b], ticks.x[a:b])
+                run = self._stream.run(ticks.t_s[a:b], ticks.x[a:b], ticks.acc[a:b])
                 verdicts += self._judge.judge(run, epoch_us)
                 runs.append(run)
             else:

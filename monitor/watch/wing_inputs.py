@@ -79,12 +79,15 @@ class Ticks:
     t_s : (n,) float64
     x : (n, INPUTS) float64
         Inputs of :func:`estimators.wing_model.inputs_of` without the wind; blank ticks have NaN.
+    acc : (n, 3) float64 [m/s^2]
+        Mean specific force of the step that ends at the tick, NaN without an IMU.
     lacks : (n,) int64
         Index into :data:`NEEDED` of the first thing missing, -1 where nothing is.
     """
 
     t_s: Array
     x: Array
+    acc: Array
     lacks: NDArray[np.int64]
 
 
@@ -99,9 +102,12 @@ class WingInputs:
             "servo": _Track(4),
             "spool": _Track(1),
             "baro": _Track(1),
+            "imu": _Track(3),
             **{name: _Track(1) for name in PITOTS},
         }
         self._trims: dict[int, float] = {}
+        self._sum = np.zeros(3)
+        self._imu_s, self._imu_acc = -np.inf, np.zeros(3)
         self._q: Array | None = None
         self._newest_s = -np.inf
         self._next: int | None = None
@@ -110,17 +116,20 @@ class WingInputs:
         """Use newly released rows; return the ticks that they closed."""
         for sensor, new in rows.items():
             name = "spool" if sensor == f"spool{self._settings.spool}" else sensor
-            name = "baro" if sensor == "baro0" else name
+            name = {"baro0": "baro", "imu0": "imu"}.get(sensor, name)
             if name in self._tracks and len(new):
                 t = (new["t_us"] - epoch_us) * 1e-6
                 self._newest_s = max(self._newest_s, float(t[-1]))
-                if name != "servo":
+                if name == "imu":
+                    self._integrate(t, new["acc_m_s2"])
+                elif name != "servo":
                     self._tracks[name].add(t, self._values(name, new))
         self._servo(rows, epoch_us)
         tick_s, late_s = self._settings.tick_s, self._settings.late_s
         seen = [track.t[-1] for track in self._tracks.values() if len(track.t)]
         if not seen:
-            return Ticks(np.empty(0), np.empty((0, INPUTS)), np.empty(0, np.int64))
+            blank = np.empty((0, INPUTS))
+            return Ticks(np.empty(0), blank, np.empty((0, 3)), np.empty(0, np.int64))
         # a sample at the tick itself has one more after it when the tick is inside
         ready = max(float(min(seen)), self._newest_s - late_s - tick_s)
         end = int(np.floor(ready / tick_s))
@@ -131,8 +140,27 @@ class WingInputs:
         self._next = max(end, self._next)
         out = self._close(ticks)
         for track in self._tracks.values():
-            track.forget(self._next * tick_s)
+            track.forget((self._next - 1) * tick_s)
         return out
+
+    def _integrate(self, t: Array, acc: Array) -> None:
+        """Specific force as its integral, of which ticks take differences: a mean, not a sample."""
+        if not self._settings.use_imu:
+            return
+        sound = np.isfinite(acc).all(axis=1) & (
+            t > np.maximum.accumulate(np.concatenate(([self._imu_s], t)))[:-1]
+        )
+        t, acc = t[sound], acc[sound]
+        if not len(t):
+            return
+        if not np.isfinite(self._imu_s):
+            self._imu_s, self._imu_acc = float(t[0]), acc[0].copy()
+        before = np.concatenate((self._imu_acc[None], acc))
+        steps = 0.5 * np.diff(t, prepend=self._imu_s)[:, None] * (before[1:] + before[:-1])
+        # one after the other, so that where the stream is cut changes nothing
+        total = np.cumsum(np.concatenate((self._sum[None], steps)), axis=0)[1:]
+        self._tracks["imu"].add(t, total)
+        self._sum, self._imu_s, self._imu_acc = total[-1].copy(), float(t[-1]), acc[-1].copy()
 
     def _values(self, name: str, rows: Rows) -> Array:
         if name == "attitude":
@@ -192,6 +220,8 @@ class WingInputs:
         s, gap = self._settings, self._settings.late_s
         tracks = {name: track.at(ticks, gap) for name, track in self._tracks.items()}
         attitude, nav, servo = tracks["attitude"], tracks["nav"], tracks["servo"]
+        imu = self._tracks["imu"]
+        acc = (tracks["imu"] - imu.at(ticks - s.tick_s, gap)) / s.tick_s
         height = nav[:, 3]
         temperature = T0_K - LAPSE_K_M * np.nan_to_num(height)
         pressure = tracks["baro"][:, 0]
@@ -223,7 +253,7 @@ class WingInputs:
         )  # fmt: skip
         lacks = np.where(needed.all(axis=1), -1, np.argmin(needed, axis=1))
         x[lacks >= 0] = np.nan
-        return Ticks(ticks, x, lacks)
+        return Ticks(ticks, x, acc, lacks)
 
 
 def _middle(cas: Array) -> Array:

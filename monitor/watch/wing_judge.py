@@ -28,6 +28,7 @@ LEFT_ZERO = 0.1
 """A difference above this share of its threshold has begun to grow."""
 STEP_PERCENT_S = 0.8
 """A difference that grew faster than this did not creep up [%/s]."""
+CONTRADICTION = "accelerometers and velocity contradict one another"
 ESTIMATOR = "wing_stream"
 
 
@@ -74,8 +75,14 @@ class WingJudge:
     def judge(self, run: WingRun, epoch_us: int) -> list[Verdict]:
         """Verdicts on rows of estimates."""
         out: list[Verdict] = []
-        for t_s, f, std in zip(run.t_s.tolist(), run.f.tolist(), run.std.tolist(), strict=True):
-            self._reason, self._begun = None, True
+        rows = zip(run.t_s.tolist(), run.f.tolist(), run.std.tolist(), run.trusted, strict=True)
+        for t_s, f, std, trusted in rows:
+            self._begun = True
+            if not trusted:
+                t_us = epoch_us + round(t_s * 1e6)
+                out += self.cannot(t_us, Reason.REFERENCE_NOT_TRUSTED, CONTRADICTION)
+                continue
+            self._reason = None
             for i in range(4):
                 out += self._one(i, t_s, f[i] - f[OTHER[i]], std[4 + i % 2], epoch_us)
         return out

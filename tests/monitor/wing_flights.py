@@ -13,8 +13,9 @@ from sim_feeds.sixdof import SixDofFlight
 
 Array = NDArray[np.float64]
 
-RATES_HZ = {"attitude": 20.0, "nav": 5.0, "airspeed0": 5.0, "baro0": 5.0, "servo": 10.0,
-            "spool0": 5.0}  # fmt: skip
+RATES_HZ = {"imu0": 50.0, "attitude": 20.0, "nav": 5.0, "airspeed0": 5.0, "baro0": 5.0,
+            "servo": 10.0, "spool0": 5.0}  # fmt: skip
+ACC_BIAS_M_S2, ACC_STD_M_S2 = 0.03, 0.05
 TILT_STD_RAD, YAW_STD_RAD, SLOW_S = np.radians(0.3), np.radians(1.0), 30.0
 RATE_STD_RAD_S = np.radians(0.1)
 VELOCITY_STD_M_S, VELOCITY_S = 0.1, 5.0
@@ -59,6 +60,9 @@ def rows_of(flight: SixDofFlight, *, seed: int = 0, noise: float = 1.0) -> Batch
         a["rate_rad_s"][:, i] += white("attitude", RATE_STD_RAD_S)
         wander = noise * _slow(rng, times["nav"], VELOCITY_STD_M_S, VELOCITY_S)
         rows["nav"]["vel_ned_m_s"][:, i] = at("nav", flight.vel_ned_m_s[:, i]) + wander
+        rows["imu0"]["acc_m_s2"][:, i] = at("imu0", flight.specific_force_m_s2[:, i])
+        bias = noise * ACC_BIAS_M_S2 * rng.standard_normal()
+        rows["imu0"]["acc_m_s2"][:, i] += bias + white("imu0", ACC_STD_M_S2)
     rows["nav"]["alt_m"] = at("nav", flight.height_m)
     rows["nav"]["height_m"] = rows["nav"]["alt_m"]
     cas = at("airspeed0", flight.tas_m_s * np.sqrt(flight.density_kg_m3 / 1.225))
