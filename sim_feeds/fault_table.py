@@ -50,8 +50,9 @@ class FaultEntry(Strict):
     """One fault: ``size_<unit>`` or ``rate_<unit>_per_s`` in a unit that fits the sensor.
 
     bias, oscillation, noise and jamming need a size; drift and runaway a rate; scale and nrz a
-    ``fraction``, as does intermittent; icing a ``fraction_per_s``. Wings are damaged by a bias (at
-    once) or a drift in percent: lift that is lost, drag that is added. An engine can only stop.
+    ``fraction``; icing a ``fraction_per_s``. An engine-speed sensor is intermittent in a
+    ``fraction`` of its readings. Wings are damaged by a bias (at once) or a drift in percent: lift
+    that is lost, drag that is added. An engine can only stop.
     """
 
     sensor: str
@@ -131,6 +132,8 @@ class FaultEntry(Strict):
             raise ValueError("an engine can only stop, and only an engine does")
         if self.kind is FaultKind.STOP and self.end_s is not None:
             raise ValueError("an engine that stopped is not started again: no end_s")
+        if self.kind is FaultKind.INTERMITTENT and quantity != "spool":
+            raise ValueError("intermittent is a fault of an engine-speed sensor")
         if self.kind is FaultKind.INTERMITTENT and not 0.0 < (self.fraction or 0.0) < 1.0:
             raise ValueError("intermittent needs a fraction between 0 and 1")
         fitting = _UNITS.get(quantity, {})

@@ -104,6 +104,15 @@ class _InjectionFile(Strict):
     attitude: _Attitude | None = None
 
     @model_validator(mode="after")
+    def _only_sensors(self) -> _InjectionFile:
+        for f in self.fault:
+            if f.quantity in ("wing", "engine"):
+                raise ValueError(
+                    f"{f.sensor} cannot break in a flight that is over; its sensors can"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _follows_a_fault(self) -> _InjectionFile:
         follows = self.attitude
         if follows is None or not follows.follows or not self.fault:

@@ -130,12 +130,20 @@ def _airborne(flight: Flight) -> dict[str, float | None]:
 
 
 _UNITS: Final = {"imu.acc": "m/s^2", "imu.gyro": "rad/s", "airspeed": "m/s", "aoa": "rad"}
+_UNITS_OF_AIRCRAFT: Final = {"spool": "rpm", "wing": "%", "engine": ""}
+
+
+SHARES: Final = (FaultKind.SCALE, FaultKind.NRZ, FaultKind.ICING, FaultKind.INTERMITTENT)
+"""Kinds whose size is a share of the reading, or of the readings."""
 
 
 def _unit(fault: Fault) -> str:
-    if fault.kind in (FaultKind.SCALE, FaultKind.NRZ, FaultKind.ICING):
+    if fault.kind in SHARES:
         return ""
     base, _, axis = fault.sensor.partition(".")
+    part = base.partition("_")[0].rstrip("0123456789")
+    if part in _UNITS_OF_AIRCRAFT:
+        return _UNITS_OF_AIRCRAFT[part]
     key = base.rstrip("0123456789") + (f".{axis.split('_')[0]}" if axis else "")
     return _UNITS.get(key, "Pa" if key == "baro" else "m/s")
 
@@ -162,10 +170,23 @@ def _fault_entry(flight: Flight, fault: Fault) -> dict[str, Any]:
 
 
 def truth(flight: Flight, rate_hz: float = TRUTH_HZ) -> dict[str, NDArray[Any]]:
-    """Truth arrays by name (the fields of :class:`~sim_feeds.trajectory.Truth`) and ``t_us``."""
-    thin = flight.truth.every(max(1, round(1.0 / (rate_hz * flight.truth.dt_s))))
+    """Truth arrays by name and ``t_us``.
+
+    They are the fields of :class:`~sim_feeds.trajectory.Truth`; of an aircraft with six degrees of
+    freedom also its commands, shaft speeds and damage, see
+    :class:`sim_feeds.sixdof.vehicle.VehicleFlight`.
+    """
+    step = max(1, round(1.0 / (rate_hz * flight.truth.dt_s)))
+    thin = flight.truth.every(step)
     t_us = np.rint((thin.t_s + flight.scenario.start.boot_s) * 1e6).astype(np.int64)
-    return {"t_us": t_us, **{f.name: getattr(thin, f.name) for f in fields(thin)}}
+    arrays = {"t_us": t_us, **{f.name: getattr(thin, f.name) for f in fields(thin)}}
+    if flight.controls is not None:
+        arrays |= {name: getattr(flight.controls, name)[::step] for name in DONE}
+    return arrays
+
+
+DONE: Final = ("elevator", "aileron", "rudder", "throttle", "shaft_rpm", "damage_percent")
+"""What a kinematic aircraft does not have."""
 
 
 def save_truth(flight: Flight, folder: Path, stem: str = "truth") -> tuple[Path, Path]:

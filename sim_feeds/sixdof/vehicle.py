@@ -324,11 +324,10 @@ def _stop(engine: Engine, number: int) -> dict[str, float]:
         return {"motor/R-ohm": 1e6, "motor/V-max": 0.0}
     if not _has(engine, f"propulsion/engine[{number}]/thrust-lbs"):
         raise ValueError(f"{engine.aircraft} has no engine{number}")
-    return {
-        "propulsion/active_engine": float(number),
-        "propulsion/cutoff_cmd": 1.0,
-        "propulsion/magneto_cmd": 0.0,
-    }
+    # Fuel of a turbine, ignition of a piston engine; the levers act on the engine chosen first.
+    levers = {"propulsion/cutoff_cmd": 1.0, "propulsion/magneto_cmd": 0.0}
+    chosen = {"propulsion/active_engine": float(number)}
+    return chosen | {name: value for name, value in levers.items() if _has(engine, name)}
 
 
 def _throttle(engine: Engine) -> Gauge:

@@ -39,9 +39,13 @@ CHANNELS = {
     "baro0": ("baro0", "static_press_pa", None),
     "gps0.vel_e": ("gps0", "vel_ned_m_s", 1),
 }
-READING_KINDS = [
-    kind for kind in FaultKind if kind not in PLUMBING | {FaultKind.OUTAGE, FaultKind.DROPOUT}
-]
+SPECIAL_KINDS = PLUMBING | {
+    FaultKind.OUTAGE,
+    FaultKind.DROPOUT,
+    FaultKind.INTERMITTENT,
+    FaultKind.STOP,
+}
+READING_KINDS = [kind for kind in FaultKind if kind not in SPECIAL_KINDS]
 
 
 def flight(seconds: float = 10.0) -> Batch:
@@ -137,6 +141,31 @@ def test_sizes_are_those_of_the_fault_models():
     assert_array_equal(stuck[on], x[t < ON][-1])
     nrz = reading(inject(Fault("imu0.acc_y", FaultKind.NRZ, ON, OFF, size=0.5)), "imu0.acc_y")
     assert_allclose((nrz - x)[on], 0.5 * x[t < ON][-1])
+
+
+def test_an_intermittent_tachometer_loses_pulses_in_its_share_of_readings():
+    out = inject(Fault("spool0", FaultKind.INTERMITTENT, ON, OFF, size=0.4))
+    before, after = reading(FLIGHT, "spool0"), reading(out, "spool0")
+    t = t_s(FLIGHT.rows["spool0"])
+    on = (t >= ON) & (t < OFF)
+    lost = after != before
+    assert not lost[~on].any()
+    n = int(on.sum())
+    assert abs(lost[on].mean() - 0.4) < 3.0 * np.sqrt(0.24 / n)
+    assert (after[lost] >= 0.0).all()
+    assert (after[lost] < before[lost]).all()
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        'sensor = "wing_left.lift"\nkind = "bias"\nsize_percent = 8.0',
+        'sensor = "engine0"\nkind = "stop"',
+    ],
+)
+def test_an_aircraft_cannot_break_after_the_flight(fault):
+    with pytest.raises(ScenarioError, match="cannot break in a flight that is over"):
+        parse_injection(f"[[fault]]\nstart_s = 3.0\n{fault}\n")
 
 
 def test_a_pitot_keeps_its_ratio_between_pressure_and_speed():

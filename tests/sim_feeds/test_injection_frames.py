@@ -103,7 +103,7 @@ CASES = [
     ("raw", channel, kind)
     for channel in ("imu0.acc_x", "imu1.gyro_z", "airspeed0", "gps0.vel_n", "spool0")
     for kind in FaultKind
-    if kind not in PLUMBING | {FaultKind.OUTAGE, FaultKind.DROPOUT}
+    if kind not in PLUMBING | {FaultKind.OUTAGE, FaultKind.DROPOUT, FaultKind.STOP}
 ]
 CASES += [("raw", "airspeed0", kind) for kind in sorted(PLUMBING)]
 CASES += [("raw", c, FaultKind.NOISE) for c in ("airspeed1", "baro0", "attitude.roll")]
