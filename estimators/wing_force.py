@@ -7,6 +7,7 @@ a        specific force, mean over the time since the row before             m/s
 g_b      gravity in body axes, from roll and pitch                           m/s^2
 omega    body rates                                                          rad/s
 v        velocity against the ground in body axes                            m/s
+T, n     time averaged over; independent values of d in it                   s, 1
 F_a      low-pass of the residuals (:mod:`estimators.wing_residuals`)
 d        F_a(s) (a + g_b - omega x v - s v)                                  m/s^2
 =======  ==================================================================  ======
@@ -15,6 +16,12 @@ Added to the residuals of the three translations, d replaces s v in them by a + 
 gravity and the rotation there are those that the prediction has too, so they cancel: what is left
 is specific force measured against specific force predicted, and an error of the attitude no longer
 weighs on it. 0.3 degrees of roll are 0.05 m/s^2 to the side, as much as 3 % of drag on one wing.
+
+Accelerometers have a bias instead, which lasts while errors of the attitude come and go. Its
+estimate is the mean of d since the start (over :data:`MEAN_S` at most), shrunk as its prior says,
+and is taken off::
+
+    bias = mean(d) n / (n + BIAS_ODDS),  n = T / (2 TILT_S)
 
 d itself should be small. Where it is not, accelerometers and velocity contradict one another and
 one of them is wrong.
@@ -37,8 +44,14 @@ __all__ = ["FORCE_STATE", "force_rows"]
 Array = NDArray[np.float64]
 
 G0 = 9.80665
+MEAN_S = 300.0
+TILT_S = 30.0
+"""How long an error of roll or pitch lasts, roughly."""
+BIAS_ODDS = 2.0
+"""Variance of d by errors of the attitude over that of the accelerometers' bias."""
 D, V_LAST, REST_LAST, T_LAST = slice(0, 3), slice(3, 6), slice(6, 9), 9
-FORCE_STATE = 10
+MEAN, T_MEAN = slice(10, 13), 13
+FORCE_STATE = 14
 """Length of the state; NaN at T_LAST before the first row."""
 
 
@@ -56,6 +69,7 @@ def force_rows(t: Array, x: Array, acc: Array, tau_a: float, state: Array, out: 
         [s].
     state : (FORCE_STATE,) float64, updated
     out : (n, 3) float64 [m/s^2], written
+        d less the bias.
     """
     v = np.empty(6)
     for k in range(len(t)):
@@ -75,12 +89,17 @@ def force_rows(t: Array, x: Array, acc: Array, tau_a: float, state: Array, out: 
                 for i in range(3):
                     rest = rest0 if i == 0 else rest1 if i == 1 else rest2
                     fresh = acc[k, i] + 0.5 * (rest + state[6 + i]) - (v[i] - state[3 + i]) / dt
-                    if not math.isfinite(fresh):
-                        fresh = 0.0
-                    state[i] = keep * state[i] + (1.0 - keep) * fresh
+                    heard = math.isfinite(fresh)
+                    state[i] = keep * state[i] + (1.0 - keep) * (fresh if heard else 0.0)
+                    if heard:
+                        share = dt / min(state[13] + dt, MEAN_S)
+                        state[10 + i] += share * (fresh - state[10 + i])
+                if math.isfinite(acc[k, 0]):
+                    state[13] += dt
             for i in range(3):
                 state[3 + i] = v[i]
             state[6], state[7], state[8] = rest0, rest1, rest2
             state[9] = t[k]
+        n = min(state[13], MEAN_S) / (2.0 * TILT_S)
         for i in range(3):
-            out[k, i] = state[i]
+            out[k, i] = state[i] - state[10 + i] * n / (n + BIAS_ODDS)

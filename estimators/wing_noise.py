@@ -10,6 +10,7 @@ s_V       error of the airspeed                                               m/
 s_tilt    error of roll and of pitch                                          rad
 Q         covariance of the residuals of a healthy aircraft                   (6, 6)      (9)
 y, S      residuals and signatures (:mod:`estimators.wing_residuals`)         (6,)(6, 4)
+b_j       what coefficient j, off by d_j, makes of the row's faults           (4,)        %
 L         Q = L L'; rows are whitened, L^-1 y and L^-1 S                      (6, 6)
 ========  ==================================================================  ==========  =========
 
@@ -34,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.jit import kernel
-from estimators.linalg import cholesky, forward_vector
+from estimators.linalg import cholesky, forward_vector, invert
 from estimators.wing_model import AXES, FAULTS, predict
 
 __all__ = ["noise_row", "whiten_rows"]
@@ -113,7 +114,7 @@ def noise_row(
 @kernel
 def whiten_rows(
     c: Array, d: Array, x: Array, gust: float, tas_std: float, tilt_std: float, share: float,
-    floor: Array, y: Array, S: Array,
+    floor: Array, y: Array, S: Array, lasting: Array,
 ) -> int:  # fmt: skip
     """Divide residuals and signatures by the square root of their row's Q, in place.
 
@@ -123,6 +124,9 @@ def whiten_rows(
         Inputs at the rows' times.
     y, S : (n, 6), (n, 6, 4) float64, updated
         A row whose Q is not finite becomes NaN, which says nothing.
+    lasting : (n, 2) float64 [%], written
+        Deviation of right minus left, lift and drag, that coefficients which are off leave for as
+        long as the aircraft flies so: root of the sum of squares of the b_j, least squares.
     others
         As of :func:`noise_row`.
 
@@ -132,6 +136,8 @@ def whiten_rows(
         Rows that became NaN.
     """
     Q, L, column = np.empty((AXES, AXES)), np.empty((AXES, AXES)), np.empty(AXES)
+    phi, none, info, b = np.empty(AXES), np.zeros(P), np.empty((AXES, AXES)), np.empty(P)
+    cc = c.copy()
     lost = 0
     for k in range(len(y)):
         noise_row(c, d, x[k], gust, tas_std, tilt_std, share, floor, Q)
@@ -139,6 +145,7 @@ def whiten_rows(
             lost += 1
             for i in range(AXES):
                 y[k, i] = math.nan
+            lasting[k, 0] = lasting[k, 1] = math.inf
             continue
         forward_vector(L, y[k])
         for j in range(P):
@@ -147,4 +154,33 @@ def whiten_rows(
             forward_vector(L, column)
             for i in range(AXES):
                 S[k, i, j] = column[i]
+        for i in range(AXES):
+            for j in range(AXES):
+                info[i, j] = 1.0 if i == j and i >= P else 0.0
+        for i in range(P):
+            for j in range(P):
+                for a in range(AXES):
+                    info[i, j] += S[k, a, i] * S[k, a, j]
+        sound = invert(info)
+        lasting[k, 0] = lasting[k, 1] = 0.0 if sound else math.inf
+        predict(c, x[k], none, phi)
+        for n in range(len(c)):
+            if not (d[n] > 0.0 and sound):
+                continue
+            cc[n] = c[n] + d[n]
+            predict(cc, x[k], none, column)
+            cc[n] = c[n]
+            for i in range(AXES):
+                column[i] -= phi[i]
+            forward_vector(L, column)
+            for i in range(P):
+                b[i] = 0.0
+                for a in range(AXES):
+                    b[i] += S[k, a, i] * column[a]
+            for i in range(2):
+                apart = 0.0
+                for j in range(P):
+                    apart += (info[i, j] - info[i + 2, j]) * b[j]
+                lasting[k, i] += apart * apart
+        lasting[k, 0], lasting[k, 1] = math.sqrt(lasting[k, 0]), math.sqrt(lasting[k, 1])
     return lost

@@ -73,7 +73,9 @@ class WingRun:
     f : (n, 4) float64 [%]
         Order of :data:`estimators.wing_model.FAULTS`.
     std : (n, 6) float64 [%]
-        Of the four, and of right minus left: lift, drag.
+        Of the four, and of right minus left: lift, drag. Of what changes from row to row alone.
+    lasting : (n, 2) float64 [%]
+        Deviation of these differences from coefficients that are off: it does not average out.
     trusted : (n,) bool
         Accelerometers and velocity agree; the other rows have not been used.
     """
@@ -81,6 +83,7 @@ class WingRun:
     t_s: Array
     f: Array
     std: Array
+    lasting: Array
     trusted: NDArray[np.bool_]
 
 
@@ -136,21 +139,23 @@ class WingStream:
         trusted = np.abs(d[index]).max(axis=1, initial=0.0) <= tuning.contradiction_m_s2
         y[~trusted] = np.nan
         inputs = np.ascontiguousarray(x[index])
+        lasting = np.empty((len(at), 2))
         whiten_rows(
             self._c, tuning.coefficient_std, inputs, tuning.gust_m_s, tuning.tas_std_m_s,
-            tuning.tilt_std_rad, tuning.share, tuning.floor, y, S,
+            tuning.tilt_std_rad, tuning.share, tuning.floor, y, S, lasting,
         )  # fmt: skip
         if len(at) and math.isnan(self._first_s):
             self._first_s = float(at[0])
-        # residuals begin at zero, signatures too: early rows say little and are left out
-        keep = at >= self._first_s + 2.0 * tuning.tau_acc_s
-        at, trusted, y, S = (
+        # residuals and signatures begin at zero and the wind with the first row's: left out
+        keep = at >= self._first_s + 2.0 * max(tuning.tau_acc_s, tuning.tau_wind_s)
+        at, trusted, lasting, y, S = (
             at[keep],
             trusted[keep],
+            lasting[keep],
             np.ascontiguousarray(y[keep]),
             np.ascontiguousarray(S[keep]),
         )
         std = np.empty((len(at), P + 2))
         spread_rows(S, self._kappa, self._ring, self._count, std)
         f = self._map.run(y, S).f if len(at) else np.empty((0, P))
-        return WingRun(at, f, std, trusted)
+        return WingRun(at, f, std, lasting, trusted)

@@ -12,6 +12,7 @@ from monitor.commands.common import ConfigFile, Profile, Refused, console, note,
 
 if TYPE_CHECKING:
     from monitor.learn import Change, Flight, Learnt
+    from monitor.learn.airframe import AirframeLearnt
     from monitor.learn.engine import EngineLearnt
     from monitor.settings import Settings
 
@@ -134,6 +135,82 @@ def engine(
     except OSError as error:
         raise Refused(f"cannot write {out}: {error.strerror}") from None
     _show_engine(learnt, out)
+
+
+@app.command()
+def airframe(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Healthy flights of one airframe.")
+    ],
+    start: Annotated[
+        str, typer.Option(metavar="FILE.toml", help="Airframe to start from, or a bundled name.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE.toml", help="File to write.")],
+    profile: Profile = None,
+    config: ConfigFile = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
+) -> None:
+    """Refine the coefficients of an airframe that healthy flights can tell.
+
+    The others keep their value, and are named. The file of --config says how servos move surfaces.
+    Example: mavsentry learn airframe healthy/*.tlog --start aerosonde --out mine.toml
+    """
+    from links.logs import LogError
+    from monitor.learn.airframe import airframe_document, learn_airframe, measure_airframe
+    from monitor.learn.thresholds import Unfit
+    from monitor.settings import SettingsError, load
+    from monitor.settings.wing import airframe_of
+
+    try:
+        settings = load(profile, config)
+        settings = settings.model_copy(
+            update={"wing": settings.wing.model_copy(update={"airframe": start})}
+        )
+        airframe_of(settings.wing)
+    except (SettingsError, ValueError) as error:
+        raise Refused(str(error)) from None
+    if out.exists() and not force:
+        raise Refused(f"{out} is there already; --force overwrites it")
+    try:
+        with progress("airframe") as tell:
+            flights = [
+                measure_airframe(
+                    log,
+                    settings,
+                    lambda done, of, k=k: tell((k + done / max(of, 1)) / len(logs)),  # type: ignore[misc]
+                )
+                for k, log in enumerate(logs)
+            ]
+        learnt = learn_airframe(flights, settings)
+    except (Unfit, LogError) as error:
+        raise Refused(str(error)) from None
+    try:
+        out.write_text(airframe_document(learnt, out.stem), encoding="utf-8")
+    except OSError as error:
+        raise Refused(f"cannot write {out}: {error.strerror}") from None
+    _show_airframe(learnt, out)
+
+
+def _show_airframe(learnt: AirframeLearnt, out: Path) -> None:
+    """What was identified, and what was not."""
+    fit, screen = learnt.fit, console()
+    screen.print(
+        f"{len(learnt.flights)} flights, {learnt.seconds / 60.0:.1f} min in the air; residuals "
+        f"{fit.scatter[0]:.2f} before, {fit.scatter[1]:.2f} after (1: what gusts explain)",
+        soft_wrap=True,
+    )
+    for name in fit.identified:
+        was, now = getattr(learnt.start.airframe, name), getattr(fit.airframe, name)
+        screen.print(f"  {name}: {was:g} -> {now:.4g}")
+    kept = ", ".join(fit.kept) or "none"
+    screen.print(f"not identified, kept: {kept}", soft_wrap=True)
+    lift, drag = learnt.healthy_percent
+    screen.print(
+        f"largest difference between the wings in these flights: lift {lift:.1f} %, drag "
+        f"{drag:.1f} %",
+        soft_wrap=True,
+    )
+    screen.print(f'wrote {out}: use it with [wing] airframe = "{out}"', soft_wrap=True)
 
 
 def _show_engine(learnt: EngineLearnt, out: Path) -> None:

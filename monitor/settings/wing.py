@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
 from estimators.wing_model import AERODYNAMIC, Airframe
-from links.airframes import AirframeError, load_airframe
+from links.airframes import load_airframe
 from monitor.settings.base import Section
 
-__all__ = ["SurfaceSettings", "WingSettings", "airframe_of"]
+__all__ = ["LEARNT_KEYS", "KnownAirframe", "SurfaceSettings", "WingSettings", "airframe_of"]
 
 
 class SurfaceSettings(Section):
@@ -76,23 +76,23 @@ class WingSettings(Section):
         "no deviation of its own.",
     )
     gust_m_s: float = Field(
-        0.5,
+        0.8,
         gt=0,
         description="Unknown wind per axis that the filtered residuals keep [m/s]. Fitted on "
         "flights of the bundled airframe in wind of 20 to 25 % of its airspeed.",
     )
     airspeed_std_m_s: float = Field(0.3, ge=0, description="Error of the airspeed [m/s].")
     tilt_std_deg: float = Field(
-        0.3, ge=0, description="Error of roll and pitch, which gravity turns into force [deg]."
+        0.1, ge=0, description="Error of roll and pitch, which gravity turns into force [deg]."
     )
     noise_share: float = Field(
-        0.02,
+        0.005,
         ge=0,
         description="Share of the residuals' variances that is added to them, lest combinations "
         "that no gust moves be trusted without bound.",
     )
     floor_m_s2: float = Field(
-        0.05, gt=0, description="Scatter of each acceleration's residual in calm air [m/s^2]."
+        0.03, gt=0, description="Scatter of each acceleration's residual in calm air [m/s^2]."
     )
     floor_rad_s2: float = Field(0.01, gt=0, description="Scatter of each angular one's [rad/s^2].")
     use_imu: bool = Field(
@@ -110,7 +110,7 @@ class WingSettings(Section):
     period_s: float = Field(0.5, ge=0.2, description="Time between two estimates [s].")
     window: int = Field(50, ge=5, le=400, description="Rows of the moving horizon, count.")
     growth_percent: float = Field(
-        1.0, gt=0, description="lambda: mean growth of a fault from row to row [%]."
+        3.0, gt=0, description="lambda: mean growth of a fault from row to row [%]."
     )
     carried_std_percent: float = Field(
         1.0, gt=0, description="Deviation of a window's first point from the window before [%]."
@@ -132,14 +132,19 @@ class WingSettings(Section):
         "flights with coefficients 15 % off reach 1.7.",
     )
     drag_percent: float = Field(
-        5.0,
+        7.0,
         gt=0,
         description="A wing that has so much more drag than the other is damaged [%]. Healthy "
         "flights with coefficients 15 % off reach 2.5.",
     )
-    sigmas: float = Field(
-        1.5, ge=0, description="And the difference must exceed so many of its own deviations."
+    lift_sigmas: float = Field(
+        2.5,
+        ge=0,
+        description="And the difference in lift must exceed so many of its own deviations, those "
+        "from wrong coefficients included. An airframe learnt from flights has instead of these "
+        "1.5 times the largest difference that its healthy flights showed.",
     )
+    drag_sigmas: float = Field(1.2, ge=0, description="The same of drag.")
     confirm_s: float = Field(0.5, ge=0, description="For so long [s].")
     clear_share: float = Field(
         0.5, gt=0, lt=1, description="Below this share of the threshold a wing is whole again."
@@ -153,11 +158,33 @@ class WingSettings(Section):
         return self
 
 
-def airframe_of(settings: WingSettings) -> tuple[Airframe, list[float]]:
-    """The airframe, and the deviation of each of its numbers.
+@dataclass(frozen=True, slots=True)
+class KnownAirframe:
+    """An airframe's file, read.
 
-    Coefficients have one; mass and geometry are known. A key ``<coefficient>_std`` in the file
-    takes the place of the settings' share.
+    Attributes
+    ----------
+    airframe
+    std
+        Deviation of each number: coefficients have one, mass and geometry are known.
+    learnt_percent
+        Largest differences between the wings, lift and drag, in the healthy flights that it was
+        learnt from; None where it was not.
+    """
+
+    airframe: Airframe
+    std: tuple[float, ...]
+    learnt_percent: tuple[float | None, float | None]
+
+
+LEARNT_KEYS = ("healthy_lift_percent", "healthy_drag_percent")
+
+
+def airframe_of(settings: WingSettings) -> KnownAirframe:
+    """Read the airframe's file.
+
+    A key ``<coefficient>_std`` in it takes the place of the settings' share; ``mavsentry learn
+    airframe`` writes these and :data:`LEARNT_KEYS`.
 
     Raises
     ------
@@ -167,11 +194,12 @@ def airframe_of(settings: WingSettings) -> tuple[Airframe, list[float]]:
     try:
         numbers = load_airframe(settings.airframe)
         own = {n: numbers.pop(f"{n}_std") for n in AERODYNAMIC if f"{n}_std" in numbers}
+        lift, drag = (numbers.pop(key, None) for key in LEARNT_KEYS)
         airframe = Airframe.of(numbers)
-    except (AirframeError, ValueError) as error:
+    except ValueError as error:
         raise ValueError(f"{settings.airframe}: {error}") from None
     std = []
     for name in (field.name for field in fields(Airframe)):
         share = settings.coefficient_share if name in AERODYNAMIC else 0.0
         std.append(abs(own.get(name, share * getattr(airframe, name))))
-    return airframe, std
+    return KnownAirframe(airframe, tuple(std), (lift, drag))

@@ -26,7 +26,7 @@ PATIENCE_S = 2.0
 """A shorter lack of an input is no change of state."""
 
 
-def wing_tuning(s: WingSettings, coefficient_std: list[float]) -> WingTuning:
+def wing_tuning(s: WingSettings, coefficient_std: tuple[float, ...]) -> WingTuning:
     """What the chain of estimators is told."""
     return WingTuning(
         coefficient_std=np.array(coefficient_std),
@@ -61,7 +61,8 @@ class WingWatch:
         self._settings = settings
         self._known = airframe_of(settings) if settings.airframe else None
         self._inputs = WingInputs(settings)
-        self._judge = WingJudge(settings)
+        learnt = self._known.learnt_percent if self._known is not None else (None, None)
+        self._judge = WingJudge(settings, learnt)
         self._stream: WingStream | None = None
         self._epoch_us: int | None = None
         self._phases: list[tuple[int, bool]] = []
@@ -136,8 +137,8 @@ class WingWatch:
             self._status = status
             return
         if self._status == GROUND and self._known is not None:
-            airframe, std = self._known
-            self._stream = WingStream(airframe, wing_tuning(self._settings, std))
+            known = self._known
+            self._stream = WingStream(known.airframe, wing_tuning(self._settings, known.std))
             self._judge.renew()
         self._status, self._since_s = status, t_s
 
@@ -162,5 +163,6 @@ def _rows(runs: list[WingRun], epoch_us: int) -> Rows:
     out["t_us"] = epoch_us + np.rint(t_s * 1e6).astype(np.int64)
     for i, name in enumerate(("right_lift", "right_drag", "left_lift", "left_drag")):
         out[f"{name}_percent"], out[f"{name}_std_percent"] = f[:, i], std[:, i]
-    out["lift_apart_std_percent"], out["drag_apart_std_percent"] = std[:, 4], std[:, 5]
+    apart = np.hypot(std[:, 4:], np.concatenate([r.lasting for r in runs]))
+    out["lift_apart_std_percent"], out["drag_apart_std_percent"] = apart[:, 0], apart[:, 1]
     return out

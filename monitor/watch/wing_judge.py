@@ -6,7 +6,7 @@ have in common cannot be told from a wrong airspeed, another payload or an updra
 
 from __future__ import annotations
 
-from math import isfinite, nan
+from math import hypot, isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,17 +28,30 @@ LEFT_ZERO = 0.1
 """A difference above this share of its threshold has begun to grow."""
 STEP_PERCENT_S = 0.8
 """A difference that grew faster than this did not creep up [%/s]."""
+LEARNT_MARGIN = 1.5
+"""Times the largest difference of the healthy flights that an airframe was learnt from."""
 CONTRADICTION = "accelerometers and velocity contradict one another"
 ESTIMATOR = "wing_stream"
 
 
 class WingJudge:
-    """States of four faults."""
+    """States of four faults.
 
-    def __init__(self, settings: WingSettings) -> None:
+    Parameters
+    ----------
+    settings
+    learnt
+        Largest differences in lift and drag that healthy flights of this airframe showed [%]; None
+        where none were learnt from.
+    """
+
+    def __init__(
+        self, settings: WingSettings, learnt: tuple[float | None, float | None] = (None, None)
+    ) -> None:
         s = settings
+        self._learnt = learnt
         self._limit = (s.lift_percent, s.drag_percent, s.lift_percent, s.drag_percent)
-        self._sigmas, self._confirm_s = s.sigmas, s.confirm_s
+        self._sigmas, self._confirm_s = (s.lift_sigmas, s.drag_sigmas), s.confirm_s
         self._clear_share, self._clear_s = s.clear_share, s.clear_s
         self._peaks = {"wing.lift_percent": nan, "wing.drag_percent": nan}
         self._said: list[State | None] = [None] * 4
@@ -75,8 +88,9 @@ class WingJudge:
     def judge(self, run: WingRun, epoch_us: int) -> list[Verdict]:
         """Verdicts on rows of estimates."""
         out: list[Verdict] = []
-        rows = zip(run.t_s.tolist(), run.f.tolist(), run.std.tolist(), run.trusted, strict=True)
-        for t_s, f, std, trusted in rows:
+        columns = (run.t_s, run.f, run.std[:, 4:], run.lasting, run.trusted)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        for t_s, f, std, lasting, trusted in rows:
             self._begun = True
             if not trusted:
                 t_us = epoch_us + round(t_s * 1e6)
@@ -84,12 +98,21 @@ class WingJudge:
                 continue
             self._reason = None
             for i in range(4):
-                out += self._one(i, t_s, f[i] - f[OTHER[i]], std[4 + i % 2], epoch_us)
+                known = (std[i % 2], lasting[i % 2])
+                out += self._one(i, t_s, f[i] - f[OTHER[i]], known, epoch_us)
         return out
 
-    def _one(self, i: int, t_s: float, apart: float, std: float, epoch_us: int) -> list[Verdict]:
-        """One fault at one row: its excess over the other wing's, and the deviation of that."""
-        limit = max(self._limit[i], self._sigmas * std)
+    def _one(
+        self, i: int, t_s: float, apart: float, known: tuple[float, float], epoch_us: int
+    ) -> list[Verdict]:
+        """One fault at one row: its excess over the other wing's, and the deviations of that."""
+        std = hypot(*known)
+        learnt = self._learnt[i % 2]
+        sigmas = self._sigmas[i % 2]
+        if learnt is None:
+            limit = max(self._limit[i], sigmas * std)
+        else:
+            limit = max(self._limit[i], sigmas * known[0], LEARNT_MARGIN * learnt)
         if apart <= LEFT_ZERO * self._limit[i] or not isfinite(self._onset[i]):
             self._onset[i] = t_s
         if self._damaged[i]:
