@@ -6,7 +6,7 @@ From the bottom up, each layer usable alone:
 module         gives
 =============  ====================================================================================
 earth          rotating sphere, gravity, standard atmosphere, calibrated airspeed
-airframe       three aircraft classes: transport, light-aircraft, small-uav
+airframe       three kinematic aircraft classes: transport, light-aircraft, small-uav
 flightplan     manoeuvres, chained, as analytic profiles
 wind           constant, ramp, shear, gust, Dryden turbulence
 von_karman     turbulence by shaping filters
@@ -15,8 +15,10 @@ faults         every fault of the papers, and the pressure physics of blocked tu
 sensors        what the instruments of an aircraft deliver, with their errors and times
 closed_loop    an aircraft whose autopilot steers on what its sensors say
 papers         the experiments of lu2016, wan2018 and wan2016 as arrays
+tachometer     engine-speed sensors of an aircraft whose engines turn
+sixdof         the Aerosonde with wings that can be damaged, and any aircraft of JSBSim (extra
+               ``sim``)
 scenario       a flight, its instruments and faults as a TOML file
-sixdof         the Aerosonde with wings that can be damaged, flown by JSBSim (extra ``sim``)
 player         a scenario as the MAVLink frames of an autopilot, and the truth beside it
 =============  ====================================================================================
 

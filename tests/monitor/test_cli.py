@@ -55,10 +55,22 @@ def test_the_version_is_the_installed_one(capsys):
         (["config", "check", "/nowhere/sentry.toml"], "/nowhere/sentry.toml"),
         (["bench", "--only", "speed_of_light"], "speed_of_light"),
         (["feed", "no-such-scenario"], "no-such-scenario"),
+        (["feed", "--aircraft", "zeppelin"], "zeppelin"),
+        (["feed", "aerosonde-healthy", "--aircraft", "small-uav"], "circuit"),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_one_sentence(capsys, arguments, names):
     assert names in refused(capsys, *arguments)
+
+
+@pytest.mark.parametrize("what", [["aerosonde-engine-cut"], ["demo", "--aircraft", "c172p"]])
+def test_six_degrees_of_freedom_without_jsbsim_are_refused_in_one_sentence(
+    capsys, monkeypatch, what
+):
+    monkeypatch.setitem(sys.modules, "jsbsim", None)
+    said = refused(capsys, "feed", *what, "--to", "/nowhere/x.tlog")
+    assert "pip install 'mavsentry[sim]'" in said
+    assert "kinematic vehicle flies without it" in said
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ def test_the_bundled_scenarios_are_there():
         "parked",
         "lu2016-table2",
         "wan2016-two-of-three",
+        "aerosonde-healthy",
     }
 
 
