@@ -30,8 +30,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.imkf import LinearModel
+from estimators.jit import kernel
 
-__all__ = ["N_FEATURES", "EngineModel", "features", "free_shaft", "single_shaft", "two_spool"]
+__all__ = [
+    "N_FEATURES",
+    "EngineModel",
+    "envelope",
+    "features",
+    "free_shaft",
+    "single_shaft",
+    "two_spool",
+]
 
 Array = NDArray[np.float64]
 
@@ -67,6 +76,31 @@ def features(throttle: Array, airspeed_m_s: Array) -> Array:
     """Inputs of the single-shaft curve, (k, 5) float64; NaN where throttle or airspeed is."""
     t, V = np.asarray(throttle, float), np.asarray(airspeed_m_s, float)
     return np.stack([np.ones_like(t) + 0.0 * t, t, t * t, V, t * V], axis=-1)
+
+
+@kernel
+def envelope(past: Array, x: Array) -> tuple[Array, Array]:
+    """Least and largest of each row of `x` and the rows before it.
+
+    Parameters
+    ----------
+    past : (h, m) float64, changed in place
+        As many rows before; NaN where there were none.
+    x : (K, m) float64
+    """
+    h, m = past.shape
+    least, most = x.copy(), x.copy()
+    for k in range(x.shape[0]):
+        for i in range(m):
+            for back in range(h):
+                value = past[back, i]
+                if value < least[k, i]:
+                    least[k, i] = value
+                if value > most[k, i]:
+                    most[k, i] = value
+        past[:-1] = past[1:].copy()
+        past[-1] = x[k]
+    return least, most
 
 
 def single_shaft(

@@ -13,10 +13,12 @@ LLR         log likelihood of "stopped" over "runs"                     nat
 
 a and b are learnt in flight by a Kalman filter from a prior of a glide ratio and level flight at 40
 % throttle. p and p_g are averaged by their own variances: in gusty wind the second counts, in turns
-in steady wind the first. With the engine stopped the power is a, with it running a + b t; either
-way p follows within T, so at time tau after the stop
+in steady wind the first. When the engine stops, p falls within T by most of b t: at time tau
 
-    p_stopped = a + b t exp(-tau / T),   p_runs = a + b t.
+    p_stopped = p_runs - LOST b t (1 - exp(-tau / T)),   p_runs = a + b t.
+
+LOST is less than 1: how fast this aircraft glides is only known by extrapolation, in a loop that
+opens the throttle when power is missing.
 
 Noise of p is correlated over T, hence one step counts as dt / T of an independent value.
 """
@@ -51,6 +53,8 @@ VARIANCE_S = 30.0
 FIRST_VARIANCE = 4.0
 """Of p before it is known [m^2/s^2]."""
 LEAST_VARIANCE = 0.1
+LOST = 0.6
+"""Share of the throttle's power that a stopped engine loses at least: a is known that badly."""
 OUTLIER = 3.0
 """A power so many deviations off the line teaches a and b nothing."""
 
@@ -130,6 +134,6 @@ def evidence(
     both, var = mean_power(m, p, p_g)
     var += m[P_AA] + 2.0 * t * m[P_AB] + t * t * m[P_BB]
     runs = both - m[P_A] - gain
-    stopped = both - m[P_A] - gain * math.exp(-tau / r.power_s)
+    stopped = runs + LOST * gain * (1.0 - math.exp(-tau / r.power_s))
     weight = r.tick_s / r.power_s * 0.5 / var
     return weight * (runs * runs - stopped * stopped), weight * (runs - stopped) ** 2

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from estimators import engine_state as es
 from estimators import engine_ticks as et
-from estimators.engine_model import EngineModel, features, free_shaft, single_shaft, two_spool
+from estimators.engine_model import (
+    EngineModel,
+    envelope,
+    features,
+    free_shaft,
+    single_shaft,
+    two_spool,
+)
 from estimators.engine_power import PowerRules
 from estimators.imkf import IntermittentFilter, Settings
 from links.samples import Rows
@@ -142,10 +149,7 @@ class Unit:
         comes ten times a second may have moved since: what the model gave within the last moments,
         and where throttle and airspeed are driving it, are both no contradiction.
         """
-        series = np.concatenate([self.past, expected])
-        windows = np.lib.stride_tricks.sliding_window_view(series, len(self.past) + 1, axis=0)
-        self.past[:] = series[len(series) - len(self.past) :]
-        least, most = np.nanmin(windows, axis=-1), np.nanmax(windows, axis=-1)
+        least, most = envelope(self.past, expected)
         if self.kind == "single-shaft":
             driven = inputs @ self.coefficients + x[:, 1]
             driven = np.where(np.isfinite(driven), np.maximum(driven, 0.0), expected[:, 0])[:, None]

@@ -10,7 +10,7 @@ import pytest
 from estimators import engine_power as power
 from estimators import engine_ticks as et
 from estimators.engine_fit import Record, fit_single_shaft, simulate
-from estimators.engine_model import features, free_shaft, single_shaft, two_spool
+from estimators.engine_model import envelope, features, free_shaft, single_shaft, two_spool
 from estimators.engine_power import PowerRules, evidence, forget, learn, mean_power
 
 A = np.array([[0.9683, 0.0094], [0.0124, 0.9781]])
@@ -51,6 +51,16 @@ def test_a_free_shaft_reads_as_its_state() -> None:
     model = free_shaft(np.array([10.0, 20.0]), 7000.0, 0.05)
     np.testing.assert_array_equal(model.linear.C, [[1.0], [1.0]])
     assert model.linear.Q[0, 0] == pytest.approx((0.13 * 7000.0) ** 2 * 0.05)
+
+
+def test_the_envelope_is_that_of_the_last_rows_wherever_they_were_cut() -> None:
+    x = np.random.default_rng(4).standard_normal((50, 2))
+    past = np.full((3, 2), np.nan)
+    parts = [envelope(past, np.ascontiguousarray(p)) for p in np.split(x, (1, 2, 30))]
+    least, most = (np.concatenate(side) for side in zip(*parts, strict=True))
+    for k in range(50):
+        np.testing.assert_array_equal(least[k], x[max(k - 3, 0) : k + 1].min(axis=0))
+        np.testing.assert_array_equal(most[k], x[max(k - 3, 0) : k + 1].max(axis=0))
 
 
 def records(noise: float, error: float, memory_s: float) -> list[Record]:
@@ -125,7 +135,7 @@ def test_the_evidence_tells_a_stopped_engine_from_a_running_one(runs: bool) -> N
     ratio = could = 0.0
     for k in range(200):
         tau = 0.05 * k
-        p = -2.5 + 6.0 * 0.5 * (1.0 if runs else math.exp(-tau / 3.0))
+        p = -2.5 + 6.0 * 0.5 * (1.0 if runs else 1.0 - 0.6 * (1.0 - math.exp(-tau / 3.0)))
         says, able = evidence(m, RULES, 0.5, p, p, tau)
         ratio, could = ratio + says, could + able
     assert (ratio < -5.0) if runs else (ratio > 5.0)
