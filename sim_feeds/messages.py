@@ -326,6 +326,7 @@ def _position(flight: Flight) -> Iterator[Sending]:
     here = truth.at(t)
     rng = stream(flight.seed, "position error")
     error = np.column_stack([markov(rng, t, 0.6, 30.0) for _ in "NED"])
+    home_m = flight.scenario.start.field_m if flight.controls else truth.height_m[0]
     radius = 6_367_000.0
     lat = here.lat_rad + error[:, 0] / radius
     lon = here.lon_rad + error[:, 1] / (radius * np.cos(here.lat_rad))
@@ -339,7 +340,7 @@ def _position(flight: Flight) -> Iterator[Sending]:
             _whole(np.degrees(lat) * 1e7, -9e8, 9e8),
             _whole(np.degrees(lon) * 1e7, -18e8, 18e8),
             _whole((here.height_m + error[:, 2]) * 1000.0, -2e9, 2e9),
-            _whole((here.height_m + error[:, 2] - truth.height_m[0]) * 1000.0, -2e9, 2e9),
+            _whole((here.height_m + error[:, 2] - home_m) * 1000.0, -2e9, 2e9),
             *(_whole(v) for v in velocity.T),
             _unsigned(heading * 100.0) % 36_000,
         ],

@@ -18,7 +18,7 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from sim_feeds.airframe import AIRFRAMES, Airframe
 from sim_feeds.autopilot import Autopilot, Navigation
@@ -120,7 +120,9 @@ class Scenario(Strict):
         description="transport, light-aircraft, small-uav; or aerosonde, c172p, A320 ..."
     )
     seed: int = Field(0, ge=0, description="Used unless the caller gives another.")
-    truth_hz: float = Field(200.0, ge=50.0, le=1000.0, description="Grid of the truth.")
+    truth_hz: float = Field(
+        200.0, ge=50.0, le=1000.0, description="Grid of the truth; with six degrees of freedom 200."
+    )
     start: Start = Start()
     leg: tuple[Leg, ...] = ()
     circuit: Circuit = Circuit()
@@ -368,11 +370,15 @@ def with_aircraft(table: dict[str, Any], aircraft: str) -> None:
     legs = table.pop("leg", None)
     if legs is not None and was in AIRFRAMES:
         start = {k: v for k, v in table.items() if k in ("title", "start")}
-        flown = Scenario.model_validate({**start, "aircraft": was, "leg": legs})
+        try:
+            flown = Scenario.model_validate({**start, "aircraft": was, "leg": legs})
+        except ValidationError:  # told when the table itself is validated
+            table |= {"aircraft": was, "leg": legs}
+            return
         table["circuit"] = {"duration_s": round(flown.duration_s, 1)}
-    for key in ("speed_m_s", "agl_m"):
-        table.get("start", {}).pop(key, None)
-    table.get("circuit", {}).pop("waypoints_m", None)
+    for section, keys in (("start", ("speed_m_s", "agl_m")), ("circuit", ("waypoints_m",))):
+        if isinstance(table.get(section), dict):
+            table[section] = {k: v for k, v in table[section].items() if k not in keys}
 
 
 def parse(

@@ -18,9 +18,9 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_feeds.sixdof.engine import FOOT_M, POUND_N, SLUG_KG, Engine, Gauge, Gauges
+from sim_feeds.sixdof.engine import FOOT_M, SLUG_KG, Engine, Gauge, Gauges
 from sim_feeds.sixdof.flight import FAULT_COLUMNS, SixDofFlight
-from sim_feeds.sixdof.loop import Gusts, Place, eyes, fly
+from sim_feeds.sixdof.loop import MOTION, Gusts, Place, eyes, fly
 from sim_feeds.sixdof.pilot import AEROSONDE_GAINS, Pilot
 from sim_feeds.von_karman import VonKarman, rotation_of_the_air
 from sim_feeds.wind import Route
@@ -85,36 +85,15 @@ def _property(fault: str) -> str:
 
 
 KEPT: Final = (
-    Gauge("lat", "position/lat-geod-rad"),
-    Gauge("lon", "position/long-gc-rad"),
-    Gauge("height", "position/geod-alt-ft", FOOT_M),
-    Gauge("roll", "attitude/phi-rad"),
-    Gauge("pitch", "attitude/theta-rad"),
-    Gauge("yaw", "attitude/psi-rad"),
-    Gauge("vel_n", "velocities/v-north-fps", FOOT_M),
-    Gauge("vel_e", "velocities/v-east-fps", FOOT_M),
-    Gauge("vel_d", "velocities/v-down-fps", FOOT_M),
-    Gauge("p", "velocities/pi-rad_sec"),
-    Gauge("q", "velocities/qi-rad_sec"),
-    Gauge("r", "velocities/ri-rad_sec"),
-    Gauge("force_x", "forces/fbx-total-lbs", POUND_N),
-    Gauge("force_y", "forces/fby-total-lbs", POUND_N),
-    Gauge("force_z", "forces/fbz-total-lbs", POUND_N),
-    Gauge("mass", "inertia/mass-slugs", SLUG_KG),
+    *MOTION,
     Gauge("elevator", "fcs/elevator-pos-rad"),
     Gauge("aileron", "fcs/aileron-pos-rad"),
     Gauge("rudder", "fcs/rudder-pos-rad"),
     Gauge("throttle", "propeller/throttle"),
     Gauge("prop", "propeller/speed-rad_sec"),
-    Gauge("wind_n", "atmosphere/total-wind-north-fps", FOOT_M),
-    Gauge("wind_e", "atmosphere/total-wind-east-fps", FOOT_M),
-    Gauge("wind_d", "atmosphere/total-wind-down-fps", FOOT_M),
     Gauge("air_p", "gust/p-rad_sec"),
     Gauge("air_q", "gust/q-rad_sec"),
     Gauge("air_r", "gust/r-rad_sec"),
-    Gauge("tas", "velocities/vt-fps", FOOT_M),
-    Gauge("aoa", "aero/alpha-rad"),
-    Gauge("ssa", "aero/beta-rad"),
     Gauge("density", "atmosphere/rho-slugs_ft3", SLUG_KG / FOOT_M**3),
     *(Gauge(name, _property(name)) for name in FAULT_COLUMNS),
 )

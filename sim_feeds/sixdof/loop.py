@@ -10,15 +10,41 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_feeds.sixdof.engine import FOOT_M, Engine, Gauge, Gauges
+from sim_feeds.sixdof.engine import FOOT_M, POUND_N, SLUG_KG, Engine, Gauge, Gauges
 from sim_feeds.sixdof.pilot import Commands, Seen
 
-__all__ = ["Gusts", "Place", "eyes", "fly"]
+__all__ = ["MOTION", "Gusts", "Place", "eyes", "fly"]
 
 Floats = NDArray[np.float64]
 
 WGS84_AXIS_M: Final = 6_378_137.0
 WGS84_E2: Final = 6.694379990141e-3
+
+MOTION: Final = (
+    Gauge("lat", "position/lat-geod-rad"),
+    Gauge("lon", "position/long-gc-rad"),
+    Gauge("height", "position/geod-alt-ft", FOOT_M),
+    Gauge("roll", "attitude/phi-rad"),
+    Gauge("pitch", "attitude/theta-rad"),
+    Gauge("yaw", "attitude/psi-rad"),
+    Gauge("vel_n", "velocities/v-north-fps", FOOT_M),
+    Gauge("vel_e", "velocities/v-east-fps", FOOT_M),
+    Gauge("vel_d", "velocities/v-down-fps", FOOT_M),
+    Gauge("p", "velocities/pi-rad_sec"),
+    Gauge("q", "velocities/qi-rad_sec"),
+    Gauge("r", "velocities/ri-rad_sec"),
+    Gauge("force_x", "forces/fbx-total-lbs", POUND_N),
+    Gauge("force_y", "forces/fby-total-lbs", POUND_N),
+    Gauge("force_z", "forces/fbz-total-lbs", POUND_N),
+    Gauge("mass", "inertia/mass-slugs", SLUG_KG),
+    Gauge("wind_n", "atmosphere/total-wind-north-fps", FOOT_M),
+    Gauge("wind_e", "atmosphere/total-wind-east-fps", FOOT_M),
+    Gauge("wind_d", "atmosphere/total-wind-down-fps", FOOT_M),
+    Gauge("tas", "velocities/vt-fps", FOOT_M),
+    Gauge("aoa", "aero/alpha-rad"),
+    Gauge("ssa", "aero/beta-rad"),
+)
+"""How any aircraft moves, and the air around it; rates are inertial."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,6 +146,8 @@ def test_everything_else_is_sent_as_ever(said):
     }  # fmt: skip
     armed = dialect.MAV_MODE_FLAG_SAFETY_ARMED
     assert said["HEARTBEAT"][0].base_mode & armed
+    above = column(said["GLOBAL_POSITION_INT"], "relative_alt") * 1e-3
+    np.testing.assert_allclose(above, 200.0, atol=12.0)
     assert {m.landed_state for m in said["EXTENDED_SYS_STATE"]} == {dialect.MAV_LANDED_STATE_IN_AIR}
 
 
@@ -302,6 +304,13 @@ def test_without_jsbsim_one_sentence_and_the_kinematic_vehicle_flies(monkeypatch
                 scenario.fly()
             assert "\n" not in str(told.value)
     assert load("parked").fly().controls is None
+
+
+def test_another_aircraft_does_not_hide_what_is_wrong_in_a_scenario(tmp_path):
+    file = tmp_path / "wrong.toml"
+    file.write_text('title = "x"\naircraft = "small-uav"\n[[leg]]\ndo = "levle"\n')
+    with pytest.raises(ScenarioError, match=r"leg\.0.*levle"):
+        load(file, lambda table: with_aircraft(table, "c172p"))
 
 
 def test_the_bundled_aerosonde_scenarios_are_there():
