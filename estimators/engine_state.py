@@ -43,7 +43,7 @@ N_SCALARS = 25
 # Scalars of a group.
 PENDING, ODDS, RUNNING_AGAIN, HALTED, ALL_LOW, TOLD = range(6)
 # Scalars of all.
-A_FLYING, E_STATUS, E_CAUSE, E_SINCE, LOSING, LOST, CUT, FOLLOWED, E_REASON = range(9)
+A_FLYING, E_STATUS, E_CAUSE, E_SINCE, LOSING, CUT, FOLLOWED, E_REASON = range(8)
 
 
 class JudgeRules(NamedTuple):
@@ -93,7 +93,7 @@ class Groups(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """All memory: of channels (16, 25), of groups (20, 6), of all (9,), of the power line (8,)."""
+    """All memory: of channels (16, 25), of groups (20, 6), of all (8,), of the power line (8,)."""
 
     c: Array
     g: Array
@@ -107,7 +107,7 @@ def new_judged() -> Judged:
     c[:, [T_LAST, ONSET, CLEAN, SAME, MOVED, USUAL, LOW]] = np.nan
     g = np.zeros((N_GROUPS, 6))
     g[:, [PENDING, RUNNING_AGAIN]] = np.nan
-    s = np.zeros(9)
+    s = np.zeros(8)
     s[[LOSING, CUT]] = np.nan
     m = np.zeros(power.N_POWER)
     m[[power.P_S2, power.P_S2G]] = power.FIRST_VARIANCE
