@@ -8,7 +8,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from estimators.wing_model import AERODYNAMIC, Airframe
-from links.airframes import load_airframe
+from links.airframes import AirframeError, load_airframe
 from monitor.settings.base import Section
 
 __all__ = ["LEARNT_KEYS", "KnownAirframe", "SurfaceSettings", "WingSettings", "airframe_of"]
@@ -106,7 +106,7 @@ class WingSettings(Section):
         "beyond which neither is believed [m/s^2].",
     )
     wind_time_s: float = Field(10.0, gt=0, description="tau_w: the wind is known so slowly [s].")
-    filter_time_s: float = Field(4.0, gt=0, description="tau_a: residuals are low-passed so [s].")
+    filter_time_s: float = Field(3.0, gt=0, description="tau_a: residuals are low-passed so [s].")
     period_s: float = Field(0.5, ge=0.2, description="Time between two estimates [s].")
     window: int = Field(50, ge=5, le=400, description="Rows of the moving horizon, count.")
     growth_percent: float = Field(
@@ -138,14 +138,14 @@ class WingSettings(Section):
         "flights with coefficients 15 % off reach 2.5.",
     )
     lift_sigmas: float = Field(
-        2.5,
+        2.9,
         ge=0,
         description="And the difference in lift must exceed so many of its own deviations, those "
         "from wrong coefficients included. An airframe learnt from flights has instead of these "
         "1.5 times the largest difference that its healthy flights showed.",
     )
     drag_sigmas: float = Field(1.2, ge=0, description="The same of drag.")
-    confirm_s: float = Field(0.5, ge=0, description="For so long [s].")
+    confirm_s: float = Field(0.0, ge=0, description="For so long [s].")
     clear_share: float = Field(
         0.5, gt=0, lt=1, description="Below this share of the threshold a wing is whole again."
     )
@@ -196,6 +196,8 @@ def airframe_of(settings: WingSettings) -> KnownAirframe:
         own = {n: numbers.pop(f"{n}_std") for n in AERODYNAMIC if f"{n}_std" in numbers}
         lift, drag = (numbers.pop(key, None) for key in LEARNT_KEYS)
         airframe = Airframe.of(numbers)
+    except AirframeError:
+        raise
     except ValueError as error:
         raise ValueError(f"{settings.airframe}: {error}") from None
     std = []

@@ -152,7 +152,7 @@ class WingWatch:
         t_us = epoch_us + round((self._since_s + PATIENCE_S) * 1e6)
         if status == SLOW:
             return self._judge.cannot(t_us, Reason.MANOEUVRE, "too slow for the wings' model")
-        why = f"{NEEDED[status]} does not come"
+        why = f"missing: {NEEDED[status]}"
         return self._judge.cannot(t_us, Reason.REFERENCE_MISSING, why)
 
 

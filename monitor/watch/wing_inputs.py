@@ -136,7 +136,7 @@ class WingInputs:
         if self._next is None:
             self._next = int(np.ceil(min(float(track.t[0]) for track in self._tracks.values()
                                          if len(track.t)) / tick_s))  # fmt: skip
-        ticks = np.arange(self._next, max(end, self._next)) * tick_s
+        ticks = np.arange(self._next, max(end, self._next), dtype=np.float64) * tick_s
         self._next = max(end, self._next)
         out = self._close(ticks)
         for track in self._tracks.values():

@@ -6,6 +6,7 @@ have in common cannot be told from a wrong airspeed, another payload or an updra
 
 from __future__ import annotations
 
+from collections import deque
 from math import hypot, isfinite, nan
 
 import numpy as np
@@ -24,8 +25,10 @@ Array = NDArray[np.float64]
 SENSORS = tuple(f"wing_{fault}" for fault in FAULTS)
 """In the order of :data:`estimators.wing_model.FAULTS`."""
 OTHER = (2, 3, 0, 1)
-LEFT_ZERO = 0.1
-"""A difference above this share of its threshold has begun to grow."""
+BEGUN = 0.25
+"""A fault began when its estimate was last below this share of what it is when found."""
+REMEMBERED = 240
+"""Rows of estimates in which that moment is looked for, count."""
 STEP_PERCENT_S = 0.8
 """A difference that grew faster than this did not creep up [%/s]."""
 LEARNT_MARGIN = 1.5
@@ -64,7 +67,7 @@ class WingJudge:
         self._damaged = [False] * 4
         self._since: list[float] = [nan] * 4
         self._below: list[float] = [nan] * 4
-        self._onset: list[float] = [nan] * 4
+        self._past: list[deque[tuple[float, float]]] = [deque(maxlen=REMEMBERED) for _ in range(4)]
 
     @property
     def waiting(self) -> bool:
@@ -113,8 +116,7 @@ class WingJudge:
             limit = max(self._limit[i], sigmas * std)
         else:
             limit = max(self._limit[i], sigmas * known[0], LEARNT_MARGIN * learnt)
-        if apart <= LEFT_ZERO * self._limit[i] or not isfinite(self._onset[i]):
-            self._onset[i] = t_s
+        self._past[i].append((t_s, apart))
         if self._damaged[i]:
             self._clear(i, t_s, apart)
         else:
@@ -160,7 +162,9 @@ class WingJudge:
         if state is State.OK:
             said = f"the {side} wing's {what} is that of the {other} one{' again' if again else ''}"
             return Verdict(t_us, SENSORS[i], state, estimator=ESTIMATOR, evidence=said)
-        lasting_s = t_s - self._onset[i]
+        small = (at for at, was in reversed(self._past[i]) if was < BEGUN * apart)
+        onset_s = next(small, self._past[i][0][0])
+        lasting_s = t_s - onset_s
         is_step = apart > STEP_PERCENT_S * max(lasting_s, 0.5)
         changed = "lost" if what == "lift" else "gained"
         return Verdict(
@@ -168,7 +172,7 @@ class WingJudge:
             SENSORS[i],
             state,
             kind=Kind.BIAS if is_step else Kind.DRIFT,
-            onset_t_us=epoch_us + round(self._onset[i] * 1e6),
+            onset_t_us=epoch_us + round(onset_s * 1e6),
             magnitude=-apart if what == "lift" else apart,
             unit="%",
             statistic=apart,
