@@ -203,8 +203,15 @@ def test_high_resolution_imu_and_airspeed_messages():
         )
 
 
+def brief(table) -> None:
+    """A circuit cut short: its aircraft is flown before the first frame goes out."""
+    if "circuit" in table:
+        table["circuit"]["duration_s"] = 5.0
+        table.pop("fault", None)
+
+
 def head(name: str, seed: int, seconds: float) -> bytes:
-    source = frames(load(name), seed)
+    source = frames(load(name, brief), seed)
     first, frame = next(source)
     rest = itertools.takewhile(lambda item: item[0] < first + seconds * 1e6, source)
     return frame + b"".join(f for _, f in rest)
