@@ -49,16 +49,18 @@ IDENTIFIED = 0.5
 """Share of the prior deviation that a coefficient may keep to count as identified."""
 LEARN_TIME_S = 1.0
 """tau_a of the fit: short, for what the controls do in a second is what teaches."""
-GUST_SHARE = 2.0
-"""Unknown wind that so short a filter keeps, against the watch's."""
+GUST_SHARE = 1.25
+"""Unknown wind that so short a filter keeps, against the watch's. Less of it draws the derivatives
+by angle of attack towards zero, more makes them too large."""
 UNSEEN = ("CYbeta", "Clbeta", "Cnbeta")
 """Never fitted: without a vane sideslip is known from attitude and a slow wind, with an error as
 large as itself, which would draw these towards zero."""
 ROUNDS = 2
 SETTLED = 5.0
 """Time constants after which a flight's residuals are used."""
-LEAST_STD_SHARE = 0.02
-"""No coefficient is known better: the model is not the aircraft."""
+LEAST_STD_SHARE = 0.05
+"""No coefficient is known better: errors of the angles, which least squares does not count, bias
+them by several times what the scatter promises."""
 NAMES = tuple(field.name for field in fields(Airframe))
 
 

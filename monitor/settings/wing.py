@@ -142,7 +142,7 @@ class WingSettings(Section):
         ge=0,
         description="And the difference in lift must exceed so many of its own deviations, those "
         "from wrong coefficients included. An airframe learnt from flights has instead of these "
-        "1.5 times the largest difference that its healthy flights showed.",
+        "twice the largest difference that its healthy flights showed.",
     )
     drag_sigmas: float = Field(1.2, ge=0, description="The same of drag.")
     confirm_s: float = Field(0.0, ge=0, description="For so long [s].")

@@ -31,7 +31,7 @@ REMEMBERED = 240
 """Rows of estimates in which that moment is looked for, count."""
 STEP_PERCENT_S = 0.8
 """A difference that grew faster than this did not creep up [%/s]."""
-LEARNT_MARGIN = 1.5
+LEARNT_MARGIN = 2.0
 """Times the largest difference of the healthy flights that an airframe was learnt from."""
 CONTRADICTION = "accelerometers and velocity contradict one another"
 ESTIMATOR = "wing_stream"
