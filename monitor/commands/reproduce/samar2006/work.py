@@ -215,6 +215,10 @@ def _shown(case: str, models: list[str], seed: int) -> Result:
         "iterations": {},
         "covariance": second_moment(covariance_rows(RIGHT, scheme)),
         "nonlinearity": _nonlinearity(flight),
+        "roll_spread": [
+            _relative_std(residuals_of(flight, RIGHT, one).S[:, 3, 0])
+            for one in (Scheme(tau_wind_s=1e-3), scheme)
+        ],
     }
     for model in models:
         rows = residuals_of(flight, model, scheme)
@@ -226,6 +230,10 @@ def _shown(case: str, models: list[str], seed: int) -> Result:
         out["iterations"][model] = run.iterations
         out["std"][model] = level_std(window, tuned(model, scheme).Q, moments, correlation)
     return out
+
+
+def _relative_std(values: Array) -> float:
+    return float(values.std() / abs(values.mean()))
 
 
 def _nonlinearity(flight: SixDofFlight) -> float:
