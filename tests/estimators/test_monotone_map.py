@@ -12,6 +12,7 @@ from estimators.monotone_map import (
     PRINTED,
     MapTuning,
     MonotoneMap,
+    normal_rows,
     solve_window,
     window_work_size,
 )
@@ -148,6 +149,19 @@ class TestProgramme:
 
 
 class TestWindow:
+    def test_normal_rows_agree_with_twin(self):
+        rng = np.random.default_rng(4)
+        y, S = residuals(rng, 9)
+        y[3, 1], S[5, 0, 2] = np.nan, np.inf
+        W = np.cov(rng.normal(size=(6, 20)))
+        H, q = np.empty((9, 4, 4)), np.empty((9, 4))
+        assert normal_rows(y, S, W, H, q) == 7
+        H_twin, q_twin = twin.normal_rows(y, S, W)
+        np.testing.assert_allclose(H, H_twin, atol=1e-12)
+        np.testing.assert_allclose(q, q_twin, atol=1e-12)
+        assert not H[3].any()
+        assert not q[5].any()
+
     @pytest.mark.parametrize("prior", [PRINTED, CONTINUED])
     def test_recursion_agrees_with_twin(self, prior):
         rng = np.random.default_rng(5)
