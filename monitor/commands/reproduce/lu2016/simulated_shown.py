@@ -88,12 +88,13 @@ def lines_of(results: Results, kind: str) -> dict[str, Any]:
 
 
 def _draw_winds(canvas: Canvas, shear: dict[str, Any], turbulence: dict[str, Any]) -> None:
-    for ax, lines in zip(canvas.subplots(1, 2), (shear, turbulence), strict=True):
+    axes = canvas.subplots(1, 2)
+    for ax, lines in zip(axes, (shear, turbulence), strict=True):
         for k, label in enumerate(("north", "east", "down")):
             ax.plot(lines["t_s"], lines["wind"][:, k], label=label)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("wind [m/s]")
-        ax.legend(ncols=3)
+    canvas.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
 
 
 def _both_models(
