@@ -287,7 +287,13 @@ class TestCovarianceAndFlags:
         )
 
     def test_flags_on_size_and_on_difference(self):
-        t = Thresholds(lift=8.0, drag=20.0, lift_apart=3.0, drag_apart=5.0)
-        f = np.array([[9.0, 0, 7.0, 0], [4.0, 0, 0.5, 0], [4.0, 6.0, 2.0, 0.5], [7.0, 19, 7, 19]])
-        expected = [[1, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]]
-        np.testing.assert_array_equal(flagged(f, t), np.array(expected, bool))
+        t = Thresholds(lift=8.0, drag=20.0, lift_apart=3.0, drag_apart=5.0, leak=0.5)
+        cases = {
+            (9.0, 0.0, 7.0, 0.0): [1, 0, 0, 0],
+            (4.0, 0.0, 0.5, 0.0): [1, 0, 0, 0],
+            (2.0, 6.5, 1.0, 0.5): [0, 1, 0, 0],
+            (7.0, 19.0, 7.0, 19.0): [0, 0, 0, 0],
+            (2.0, 6.5, 0.0, 1.0): [0, 0, 0, 0],
+        }
+        found = flagged(np.array(list(cases)), t)
+        np.testing.assert_array_equal(found, np.array(list(cases.values()), bool))
