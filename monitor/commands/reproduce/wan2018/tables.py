@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["blocks"]
 
-MARGINS: Final = (6.0, 40.0)
+MARGINS: Final = (3.0, 30.0)
 """Shown of an example beyond the true values, deg and kt; readings may go further."""
 EXAMPLES: Final = {
     "jamming": ("wan2018-fig6a", "Fig. 6(a): jammed vanes and pitots"),
