@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
 from typing import Literal
 
 from pydantic import Field
 
 from sim_feeds.legs import Leg, WindPart
-from sim_feeds.section import Strict, parse_table
+from sim_feeds.papers.bundled import scenario_of
+from sim_feeds.section import Strict
 
 __all__ = ["FlightSection", "Recorder", "Runs", "runs"]
 
@@ -95,13 +95,5 @@ class Runs(Strict):
 
 @cache
 def runs() -> Runs:
-    """The bundled file.
-
-    Raises
-    ------
-    sim_feeds.section.ScenarioError
-        It does not fit its sections.
-    """
-    name = "lu2016_runs.toml"
-    text = files("sim_feeds.papers").joinpath(name).read_text(encoding="utf-8")
-    return parse_table(text, Runs, name)
+    """The bundled file."""
+    return scenario_of("lu2016_runs.toml", Runs)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 from math import radians
 from typing import Final
 
@@ -20,8 +19,9 @@ from sim_feeds.airframe import AIRFRAMES
 from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
 from sim_feeds.flightplan import FlightPlan
 from sim_feeds.legs import Leg, WindPart
+from sim_feeds.papers.bundled import scenario_of
 from sim_feeds.papers.wan import LongitudinalExperiment, wan_experiment
-from sim_feeds.section import Strict, parse_table
+from sim_feeds.section import Strict
 from sim_feeds.wind import Wind
 
 __all__ = ["FILE", "Group", "Noise", "Scenario", "Table1", "flight_plan", "table1"]
@@ -169,5 +169,4 @@ def flight_plan(cas_kt: float, height_ft: float) -> FlightPlan:
 @cache
 def table1() -> Table1:
     """The scenario file."""
-    text = (resources.files("sim_feeds.papers") / FILE).read_text(encoding="utf-8")
-    return parse_table(text, Table1, FILE)
+    return scenario_of(FILE, Table1)

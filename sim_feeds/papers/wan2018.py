@@ -24,7 +24,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from importlib import resources
 from math import exp, pi, radians
 from typing import Any, Final
 
@@ -34,6 +33,7 @@ from sim_feeds import earth
 from sim_feeds.airframe import AIRFRAMES
 from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
 from sim_feeds.flightplan import FlightPlan
+from sim_feeds.papers.bundled import text_of
 from sim_feeds.papers.wan import LongitudinalExperiment, wan_experiment
 from sim_feeds.profile import PEAK_SLOPE
 from sim_feeds.wind import Component, Constant, Dryden, Gust, Ramp, Wind
@@ -127,7 +127,7 @@ class Run:
 
 def read_runs() -> list[Run]:
     """The committed runs: 249 of the main set, then 109 of the small one."""
-    text = resources.files(__package__).joinpath(RUNS_FILE).read_text(encoding="utf-8")
+    text = text_of(RUNS_FILE)
     return [Run(**json.loads(line)) for line in text.splitlines() if line]
 
 
