@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from monitor.commands.reproduce.samar2006.scheme import (
     ALARM_MODELS,
     MODELS,
     RIGHT,
+    Residuals,
     Scheme,
     airframe,
     covariance_rows,
@@ -52,6 +54,8 @@ VARIANTS: Final[dict[str, Scheme]] = {
     "signatures frozen": Scheme(frozen=True),
     "airspeed measured": Scheme(airspeed=True),
 }
+SPEEDS_MS: Final = (2.0, 20.0, 200.0)
+"""Two orders of magnitude below the paper's update, one, and none."""
 VARIANT_CASES: Final = ("right-lift-step", "right-drag-ramp", "simultaneous")
 
 
@@ -220,6 +224,7 @@ def _shown(case: str, models: list[str], seed: int) -> Result:
             for one in (Scheme(tau_wind_s=1e-3), scheme)
         ],
     }
+    out["within_ms"] = _bound_ms(low, scheme)
     for model in models:
         rows = residuals_of(flight, model, scheme)
         run = estimate(rows, model, scheme)
@@ -230,6 +235,19 @@ def _shown(case: str, models: list[str], seed: int) -> Result:
         out["iterations"][model] = run.iterations
         out["std"][model] = level_std(window, tuned(model, scheme).Q, moments, correlation)
     return out
+
+
+def _bound_ms(rows: Residuals, scheme: Scheme) -> float:
+    """The least of ``SPEEDS_MS`` that the mean time of an update stays under, infinite if none.
+
+    Orders of magnitude only: the same on any machine that is not ten times slower than another.
+    """
+    taken = []
+    for _ in range(3):
+        began = time.perf_counter()
+        estimate(rows, RIGHT, scheme)
+        taken.append(1e3 * (time.perf_counter() - began) / len(rows.t_s))
+    return next((bound for bound in SPEEDS_MS if min(taken) < bound), float("inf"))
 
 
 def _relative_std(values: Array) -> float:
