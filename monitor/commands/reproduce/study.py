@@ -14,9 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
@@ -31,6 +28,7 @@ __all__ = [
     "Scope",
     "Table",
     "Text",
+    "decided",
 ]
 
 Result = dict[str, Any]
@@ -204,6 +202,6 @@ class Paper:
     needs: Sequence[str] = field(default=())
 
 
-def stacked(results: Results, prefix: str, key: str) -> NDArray[Any]:
-    """The values under ``key`` of all results whose name begins with ``prefix``, by name."""
-    return np.asarray([results[n][key] for n in sorted(results) if n.startswith(prefix)])
+def decided(whole: bool, part: bool = False) -> Outcome:
+    """The outcome of a claim: ``whole``, else ``part``, else not at all."""
+    return "holds" if whole else "holds in part" if part else "does not hold"

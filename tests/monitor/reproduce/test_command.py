@@ -5,10 +5,19 @@ import json
 import pytest
 
 from monitor.cli import invoke
-from monitor.commands.reproduce.command import Which
+from monitor.commands.reproduce.command import Which, _print_table
 from monitor.commands.reproduce.papers import KEYS
+from monitor.commands.reproduce.study import Table
 
 UNUSABLE = 2
+
+
+def test_units_are_seen_on_a_terminal(capsys):
+    table = Table("t", "Errors [kt], medians", ["run", "delay [s] ours", "paper"], [["a", 1.0, 2]])
+    _print_table(table)
+    said = capsys.readouterr().out
+    assert "Errors [kt], medians" in said
+    assert "delay [s] ours" in said
 
 
 def test_every_paper_can_be_asked_for():
