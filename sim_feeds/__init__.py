@@ -14,7 +14,7 @@ trajectory     ``fly(plan, wind) -> Truth``: exact arrays on an even grid
 faults         every fault of the papers, and the pressure physics of blocked tubes
 sensors        what the instruments of an aircraft deliver, with their errors and times
 closed_loop    an aircraft whose autopilot steers on what its sensors say
-papers         the experiments of lu2016, wan2018 and wan2016 as arrays
+papers         the experiments of the five papers as arrays
 scenario       a flight, its instruments and faults as a TOML file
 sixdof         the Aerosonde with wings that can be damaged, flown by JSBSim (extra ``sim``)
 player         a scenario as the MAVLink frames of an autopilot, and the truth beside it

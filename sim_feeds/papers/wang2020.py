@@ -50,6 +50,9 @@ class EngineScenario:
         Noise of each speed in one sample.
     outputs
         What the channels are called.
+    input_mean, sinusoids, amplitude, frequency_hz
+        Inputs (r,) as a mean and a number of sinusoids, amplitudes and frequencies drawn between
+        these.
     noise
         Law -> its standard deviations (Cauchy: scales), (m,).
     fault_free : (m,)

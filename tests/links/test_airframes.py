@@ -39,6 +39,13 @@ def test_wrong_content_is_named(tmp_path, text, words):
         load_airframe(file)
 
 
+def test_what_is_no_text_is_named(tmp_path):
+    file = tmp_path / "bad.toml"
+    file.write_bytes(b"\xff\xfe[a]")
+    with pytest.raises(AirframeError, match="is no text"):
+        load_airframe(file)
+
+
 def test_sections_merge(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("name = 'mine'\n[a]\nx = 1\n[b]\ny = 2.5")
