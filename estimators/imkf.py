@@ -69,7 +69,7 @@ __all__ = ["MAX_CHANNELS", "IntermittentFilter", "LinearModel", "Settings", "Sta
 Array = NDArray[np.float64]
 
 MAX_CHANNELS = 8
-"""2^8 combinations take 40 times as long as 2^3; more sensors of one thing are rarely there."""
+"""2^8 combinations take some twenty times as long as 2^3; more sensors of one thing are rare."""
 
 
 class Status(IntEnum):
