@@ -12,6 +12,7 @@ from monitor.commands.reproduce.lu2016.lines import Curve, panels
 from monitor.commands.reproduce.lu2016.methods import LABELS, METHODS, MODELS
 from monitor.commands.reproduce.lu2016.published import (
     AXES,
+    COLUMNS,
     TABLE_1_STD,
     TABLE_2,
     TRIAL_QUIET_M_S2,
@@ -169,7 +170,7 @@ def _errors_table(results: Results) -> Table:
         for method in METHODS
     ]
     columns = ["wind", "model", "estimator"]
-    columns += [f"{axis} [{unit}]" for axis, unit in zip(AXES, UNITS, strict=True)]
+    columns += COLUMNS
     caption = (
         "Root mean square errors of the six reconstructed faults over 40 s, median of the draws."
         " The paper shows these as lines only. The errors of an estimator that was exact once"
