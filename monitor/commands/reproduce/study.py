@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -37,6 +37,8 @@ Results = Mapping[str, Result]
 """Results of one paper by :attr:`Job.name`."""
 FULL_WIDTH_IN = 8.0
 """Width of a figure that fills the page [inch]."""
+APART: Final = 10_000
+"""More than any scenario file's seeds differ by."""
 Cell = str | float | int | bool | None
 Outcome = Literal["holds", "holds in part", "does not hold", "not reproducible", "not run"]
 
@@ -77,7 +79,7 @@ class Scope:
     quick
         The version of all five papers that takes two minutes together.
     seed
-        Added to every job's seed; 0 gives the figures of the documentation.
+        Which draws: 0 gives the figures of the documentation, see :meth:`drawn`.
     flights
         Directory of recorded flights, or None: then what needs them says "not run".
     """
@@ -85,6 +87,10 @@ class Scope:
     quick: bool = False
     seed: int = 0
     flights: Path | None = None
+
+    def drawn(self, seed: int) -> int:
+        """A scenario file's seed, moved so far that no two scopes share a draw."""
+        return seed + APART * self.seed
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def jobs(scope: Scope) -> list[Job]:
     from sim_feeds.papers.lu2016_runs import runs
 
     section = runs().simulated
-    seeds = [scope.seed + seed for seed in section.chosen(scope.quick)]
+    seeds = [scope.drawn(seed) for seed in section.chosen(scope.quick)]
     kinds = [*section.winds, *EXTRA]
     return [
         Job("lu2016", f"simulated/{kind}/{seed}", {"kind": kind, "drawn": seed == seeds[0]}, seed)
