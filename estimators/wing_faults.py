@@ -25,15 +25,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.monotone_map import CONTINUED, MapTuning
-
 __all__ = [
     "EXTRA",
     "Thresholds",
     "flagged",
     "lag_one",
     "level_std",
-    "map_tuning",
     "residual_covariance",
     "second_moment",
 ]
@@ -65,11 +62,6 @@ def lag_one(y: Array) -> Array:
     """Correlation of each residual with the next row's, (6,)."""
     z = y - y.mean(axis=0)
     return np.asarray(np.sum(z[1:] * z[:-1], axis=0) / np.sum(z * z, axis=0))
-
-
-def map_tuning(Q: Array, *, N: int = WINDOW, prior: int = CONTINUED) -> MapTuning:
-    """The estimator's tuning for four faults in % at a covariance."""
-    return MapTuning(Q=Q, lam=np.full(4, LAM_PERCENT), R=R_PERCENT2 * np.eye(4), N=N, prior=prior)
 
 
 def level_std(S: Array, Q: Array, noise: Array, correlation: float) -> Array:

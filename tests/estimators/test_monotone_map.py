@@ -139,6 +139,9 @@ class TestProgramme:
         bad[4, 2] = np.nan
         assert solve(H, bad)[0] == qp.NON_FINITE
         assert solve(np.full_like(H, np.inf), q)[0] == qp.NON_FINITE
+        beside = H.copy()
+        beside[4, 2, 1] = np.nan
+        assert solve(beside, q)[0] == qp.NON_FINITE
         s, z, f = np.ones((3, 10, 4))
         work = np.empty(qp.work_size(10, 4))
         assert qp.solve_monotone(H, q, s, z, f, 1e-10, 2, work)[0] == qp.NOT_CONVERGED
@@ -146,6 +149,11 @@ class TestProgramme:
         assert set(qp.STATUS_TEXT) == {
             qp.SOLVED, qp.NOT_CONVERGED, qp.SINGULAR, qp.NON_FINITE
         }  # fmt: skip
+
+    def test_levels_that_fall_for_ever_are_singular(self):
+        """No curvature and a cost that falls with the level: there is no optimum to be near."""
+        H, q = np.zeros((10, 4, 4)), -np.ones((10, 4))
+        assert solve(H, q)[0] == qp.SINGULAR
 
 
 class TestWindow:
