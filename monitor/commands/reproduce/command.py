@@ -85,11 +85,10 @@ def reproduce(
     todo = [job for paper in papers.values() for job in paper.jobs(scope)]
     if is_cold():
         note(COMPILING)
+    kept = Store(out / ("results-quick" if quick else "results"))
     try:
         with progress(f"reproducing {which.value}") as tell:
-            done = run_jobs(
-                _mixed(todo), Store(out / "results"), jobs or _cores(), tell, any_code=redraw
-            )
+            done = run_jobs(_mixed(todo), kept, jobs or _cores(), tell, any_code=redraw)
     except KeyboardInterrupt:
         note(f"stopped; what is finished stays in {out}, and the same command continues")
         raise

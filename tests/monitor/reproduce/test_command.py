@@ -58,7 +58,7 @@ def test_a_mistake_is_one_sentence(tmp_path, capsys, arguments, sentence):
 def test_results_of_other_code_that_do_not_fit(quickly, tmp_path, capsys, monkeypatch):
     """``--redraw`` takes them up; what a chapter then misses is one sentence."""
     results, _ = quickly("wang2020")
-    kept = Store(tmp_path / "o" / "results")
+    kept = Store(tmp_path / "o" / "results-quick")
     monkeypatch.setattr(store, "code_digest", lambda: "older")
     for job in paper_of("wang2020").jobs(Scope(quick=True)):
         kept.keep(job, {k: v for k, v in results[job.name].items() if k != "observable"}, 1.0)

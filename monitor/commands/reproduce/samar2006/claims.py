@@ -6,20 +6,15 @@ import numpy as np
 
 from monitor.commands.reproduce.samar2006.scheme import RIGHT
 from monitor.commands.reproduce.samar2006.tables import cases, models_of
-from monitor.commands.reproduce.study import Claim, Outcome, Results
+from monitor.commands.reproduce.study import Claim, Results, decided
 from sim_feeds.papers.samar2006 import plan
 
-__all__ = ["claims", "decided", "found_of", "worst_final"]
+__all__ = ["claims", "found_of", "worst_final"]
 
 ACCURATE_PERCENT = 3.0
 """Final error that we call accurate where the paper gives no figure."""
 QUICK_S = 10.0
 """Delay that we call quick: the window is 25 s, the filter 4 s."""
-
-
-def decided(holds: bool, partly: bool) -> Outcome:
-    """The outcome in words."""
-    return "holds" if holds else "holds in part" if partly else "does not hold"
 
 
 def found_of(results: Results, case: str, models: list[str], i: int) -> tuple[int, int, float]:
