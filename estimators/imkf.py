@@ -69,7 +69,7 @@ __all__ = ["MAX_CHANNELS", "IntermittentFilter", "LinearModel", "Settings", "Sta
 Array = NDArray[np.float64]
 
 MAX_CHANNELS = 8
-"""2^8 combinations take 40 times as long as 2^3; more sensors of one thing are rarely there."""
+"""2^8 combinations take some twenty times as long as 2^3; more sensors of one thing are rare."""
 
 
 class Status(IntEnum):
@@ -159,7 +159,8 @@ class Settings:
     all_faulty
         Whether all channels may be faulty at once (j = 0).
     memory_s
-        Time over which a channel's health follows what was seen [s]; None: no memory.
+        Time over which a channel's health follows what was seen [s], at least one sample; None: no
+        memory.
     health_floor, health_ceiling
         Health is used within these. At the floor a dead channel that comes back is believed again
         after some samples of agreement; the ceiling keeps a good channel open to doubt.
@@ -211,7 +212,8 @@ class Track:
     x, P : (N, n), (N, n, n) float64
         State and covariance.
     works : (N, m) float64
-        w, probability that the channel worked at that sample; its prior where it was missing.
+        w, probability that the channel worked at that sample; its prior, within floor and ceiling,
+        where it was missing.
     health : (N, m) float64
         h after that sample, not clipped.
     ln_evidence : (N,) float64

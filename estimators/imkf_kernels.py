@@ -251,9 +251,8 @@ def run(model: Model, rules: Rules, s: Memory, u: Array, y: Array, out: Out) -> 
             else:
                 status = HELD
         predict(model, s)
-        seen = condition(model, rules, s, y[k])
-        if seen == 0:
-            status = MISSING
+        if condition(model, rules, s, y[k]) == 0:
+            status = max(status, MISSING)
         # out holds x, P of k - 1 until it is known whether they stay
         for a in range(n):
             out.x[k, a] = s.x[a]
@@ -265,7 +264,7 @@ def run(model: Model, rules: Rules, s: Memory, u: Array, y: Array, out: Out) -> 
         jump = 0.0
         for a in range(n):
             jump += (s.x[a] - out.x[k, a]) ** 2
-        if jump > rules.delta * rules.delta:
+        if status != IMPOSSIBLE and jump > rules.delta * rules.delta:
             status = REJECTED
             for a in range(n):
                 s.x[a] = out.x[k, a] if rules.keep else s.xm[a]

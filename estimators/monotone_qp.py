@@ -68,7 +68,7 @@ SOLVED = 0
 NOT_CONVERGED = 1
 """The iterations ran out: the levels are monotone and may be used with care."""
 SINGULAR = 2
-"""Some combination of the last levels has no curvature: keep the previous estimate."""
+"""Levels without curvature, or whose cost falls for ever: keep the previous estimate."""
 NON_FINITE = 3
 """A NaN or infinity came in: nothing was solved, keep the previous estimate."""
 STATUS_TEXT = {
@@ -317,7 +317,10 @@ def solve_monotone(
     for k in range(N):
         for i in range(p):
             scale = max(scale, abs(q[k, i]))
-            if not math.isfinite(q[k, i]) or not math.isfinite(H[k, i, i]):
+            finite = math.isfinite(q[k, i])
+            for j in range(p):
+                finite = finite and math.isfinite(H[k, i, j])
+            if not finite:
                 return NON_FINITE, 0, math.nan
     cost = math.nan
     for iteration in range(max_iterations + 1):
@@ -327,7 +330,9 @@ def solve_monotone(
             gap += s1[i] * z1[i]
         if gap <= tolerance and residual <= RESIDUAL * scale:
             return SOLVED, iteration, cost
-        if iteration == max_iterations or not math.isfinite(cost):
+        if not math.isfinite(cost):
+            return SINGULAR, iteration, cost
+        if iteration == max_iterations:
             break
         for i in range(n):
             si1[i] = 1.0 / s1[i]
@@ -342,7 +347,7 @@ def solve_monotone(
 
         # predictor: dz = -z - w v
         if p == 4:
-            substitute_four(a, inverse, w, L, r, h, b, v)
+            substitute_four(a, inverse, w, L, r, h, v)
         else:
             substitute(a, inverse, w, L, r, h, b, v)
         worst = 1.0
@@ -366,7 +371,7 @@ def solve_monotone(
             for i in range(n):
                 h1[i] = (weight * second1[i] - aim) * si1[i]
             if p == 4:
-                substitute_four(a, inverse, w, L, r, h, b, v)
+                substitute_four(a, inverse, w, L, r, h, v)
             else:
                 substitute(a, inverse, w, L, r, h, b, v)
             worst = TO_BOUNDARY

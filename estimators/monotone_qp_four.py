@@ -82,7 +82,7 @@ def eliminate_four(H: Array, w: Array, a: Array, inverse: Array, A: Array) -> No
 
 @kernel
 def substitute_four(
-    a: Array, inverse: Array, w: Array, L: Array, r: Array, h: Array, b: Array, v: Array
+    a: Array, inverse: Array, w: Array, L: Array, r: Array, h: Array, v: Array
 ) -> None:
     """As :func:`estimators.monotone_qp.substitute`, on what :func:`eliminate_four` left."""
     N = w.shape[0]

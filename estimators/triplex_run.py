@@ -64,8 +64,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-CH_ALPHA, CH_CAS = 0, 1
-
 JUMP_S, BACK_S = 10.0, 3.0
 """Time in which the jump with which a sensor left, or came back, is forgotten [s]."""
 ESTIMATE_LAG_S = 1.0

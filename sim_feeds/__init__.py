@@ -14,7 +14,7 @@ trajectory     ``fly(plan, wind) -> Truth``: exact arrays on an even grid
 faults         every fault of the papers, and the pressure physics of blocked tubes
 sensors        what the instruments of an aircraft deliver, with their errors and times
 closed_loop    an aircraft whose autopilot steers on what its sensors say
-papers         the experiments of lu2016, wan2018 and wan2016 as arrays
+papers         the experiments of the five papers as arrays
 tachometer     engine-speed sensors of an aircraft whose engines turn
 sixdof         the Aerosonde with wings that can be damaged, and any aircraft of JSBSim (extra
                ``sim``)

@@ -25,6 +25,7 @@ __all__ = [
     "temperature",
     "transport_rate_ned",
     "true_airspeed",
+    "true_airspeed_of_cas",
 ]
 
 Floats = NDArray[np.float64]
@@ -113,3 +114,9 @@ def true_airspeed(impact_pa: ArrayLike, pressure_pa: ArrayLike, temperature_k: A
 def impact_pressure_of_cas(cas_m_s: ArrayLike) -> Floats:
     """Inverse of :func:`calibrated_airspeed` for non-negative airspeeds [Pa]."""
     return impact_pressure(cas_m_s, SEA_LEVEL_PRESSURE_PA, SEA_LEVEL_TEMPERATURE_K)
+
+
+def true_airspeed_of_cas(cas_m_s: ArrayLike, height_m: ArrayLike) -> Floats:
+    """True airspeed at which a calibrated one is read at this height [m/s]."""
+    impact = impact_pressure_of_cas(cas_m_s)
+    return true_airspeed(impact, static_pressure(height_m), temperature(height_m))

@@ -78,9 +78,10 @@ def linear_response(
 
 
 def recurrence(A: Floats, d: Floats) -> Floats:
-    """x[k] = A x[k-1] + d[k] for all k at once, by doubling.
+    """x[k] = A x[k-1] + d[k] for all k at once, by doubling; x[0] = d[0].
 
-    After the pass with span s, x[k] holds the sum of A^j d[k-j] over the last 2 s terms.
+    A is (m, m) and stable, d and x are (n, m). After the pass with span s, x[k] holds the sum of
+    A^j d[k-j] over the last 2 s terms.
     """
     x, power, span = d, A, 1
     while span < len(x) and np.abs(power).max() > FORGOTTEN:

@@ -19,7 +19,7 @@ one-sided density 1 per rad/s:
 F is replaced by five lags and four leads in series. In units of T a filter is a constant linear
 system, which is stepped exactly; the first state is drawn from its stationary distribution.
 
-Source: MIL-F-8785C section 3.7 (spectra, scales, intensities, angular rates).
+Source: mil8785c section 3.7 (spectra, scales, intensities, angular rates).
 
 Differs: the usual rational filters of second and third order lose a fifth of the power at
 omega T = 30 and half of it at 150. A small aircraft flies where that matters: 200 m up at 25 m/s,
@@ -54,7 +54,7 @@ Floats = NDArray[np.float64]
 def exact_density(x: Floats, *, lateral: bool) -> Floats:
     """One-sided spectrum in units of sigma^2 T at x = omega T; ``lateral`` is also vertical.
 
-    Source: MIL-F-8785C section 3.7.1.1.
+    Source: mil8785c section 3.7.1.1.
     """
     y2 = np.square(1.339 * np.asarray(x))
     if lateral:
@@ -189,7 +189,7 @@ def rotation_of_the_air(
 
         q = -(s / V) / (1 + (4 b / pi V) s) w        r = (s / V) / (1 + (3 b / pi V) s) v
 
-    Source: MIL-F-8785C section 3.7.5, whose q_g and r_g are what the aircraft feels: -q and -r.
+    Source: mil8785c section 3.7.5, whose q_g and r_g are what the aircraft feels: -q and -r.
     """
     slope = []
     for gust, length in ((down_m_s, 4.0 * span_m / pi), (across_m_s, 3.0 * span_m / pi)):

@@ -153,7 +153,7 @@ class Dryden:
     def scales(self, agl_m: Floats) -> tuple[Floats, Floats]:
         """Standard deviations and scale lengths along u, v, w: (n, 3) [m/s], (n, 3) [m].
 
-        Source: MIL-F-8785C section 3.7.3.4.
+        Source: mil8785c section 3.7.3.4.
         """
         feet = np.clip(agl_m / FOOT_M, 10.0, None)
         low = np.minimum(feet, 1000.0)

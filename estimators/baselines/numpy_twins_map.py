@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 
 def normal_rows(y: Array, S: Array, W: Array) -> tuple[Array, Array]:
     """H_k = S_k' W S_k and q_k = -S_k' W y_k; zero for a row that is not finite."""
-    sound = np.isfinite(np.hstack([y, S.reshape(len(y), -1)])).all(axis=1)
+    finite = np.isfinite(np.hstack([y, S.reshape(len(y), -1)]))
+    sound: NDArray[np.bool_] = np.asarray(finite.all(axis=1))
     y, S = np.where(sound[:, None], y, 0.0), np.where(sound[:, None, None], S, 0.0)
     H = np.einsum("kai,ab,kbj->kij", S, W, S)
     return H, -np.einsum("kai,ab,kb->ki", S, W, y)

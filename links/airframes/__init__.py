@@ -40,6 +40,8 @@ def load_airframe(name_or_path: str | Path) -> dict[str, float]:
             raise AirframeError(
                 f"cannot read airframe {path}: {error.strerror} (bundled: {known})"
             ) from None
+        except UnicodeDecodeError:
+            raise AirframeError(f"airframe {path} is no text") from None
     try:
         table: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

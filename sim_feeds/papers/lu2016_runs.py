@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
-from typing import Literal
 
 from pydantic import Field
 
 from sim_feeds.legs import Leg, WindPart
-from sim_feeds.section import Strict, parse_table
+from sim_feeds.papers.bundled import scenario_of
+from sim_feeds.papers.lu2016 import Air
+from sim_feeds.section import Strict
 
 __all__ = ["FlightSection", "Recorder", "Runs", "runs"]
-
-WindName = Literal["calm", "shear", "turbulence"]
 
 
 class Draws(Strict):
@@ -30,21 +28,21 @@ class Draws(Strict):
 class SimulatedSection(Draws):
     """Section 3 of the paper."""
 
-    winds: list[WindName]
+    winds: list[Air]
     tuning_seeds: list[int] = Field(description="On which constants may be chosen.")
 
 
 class RatesSection(Draws):
     """Satellite receivers of several rates."""
 
-    winds: list[WindName]
+    winds: list[Air]
     gps_hz: list[int]
 
 
 class FaultWalkSection(Draws):
     """Wrong choices of Q^f, as factors of the standing one."""
 
-    winds: list[WindName]
+    winds: list[Air]
     factors: list[float]
 
 
@@ -95,13 +93,5 @@ class Runs(Strict):
 
 @cache
 def runs() -> Runs:
-    """The bundled file.
-
-    Raises
-    ------
-    sim_feeds.section.ScenarioError
-        It does not fit its sections.
-    """
-    name = "lu2016_runs.toml"
-    text = files("sim_feeds.papers").joinpath(name).read_text(encoding="utf-8")
-    return parse_table(text, Runs, name)
+    """The bundled file."""
+    return scenario_of("lu2016_runs.toml", Runs)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
 from math import radians
 
 from pydantic import Field
 
+from sim_feeds.papers.bundled import scenario_of
 from sim_feeds.papers.lu2016 import Air
-from sim_feeds.section import Strict, parse_table
+from sim_feeds.section import Strict
 
 __all__ = [
     "ClosedLoopSection",
@@ -107,13 +107,5 @@ class Validation(Strict):
 
 @cache
 def validation() -> Validation:
-    """The bundled file.
-
-    Raises
-    ------
-    sim_feeds.section.ScenarioError
-        It does not fit its sections.
-    """
-    name = "lu2016_validation.toml"
-    text = files("sim_feeds.papers").joinpath(name).read_text(encoding="utf-8")
-    return parse_table(text, Validation, name)
+    """The bundled file."""
+    return scenario_of("lu2016_validation.toml", Validation)

@@ -9,11 +9,11 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
+from sim_feeds.papers.bundled import text_of
 from sim_feeds.sixdof import SixDofFlight, WingFault, fly_aerosonde
 
 __all__ = ["Case", "Plan", "fly", "plan", "wrong_numbers"]
@@ -69,8 +69,7 @@ class Plan:
 @cache
 def plan() -> Plan:
     """The scenario file of this package."""
-    text = (files("sim_feeds.papers") / "samar2006.toml").read_text(encoding="utf-8")
-    table: dict[str, Any] = tomllib.loads(text)
+    table: dict[str, Any] = tomllib.loads(text_of("samar2006.toml"))
     cases = [
         Case(one["name"], one["what"], tuple(WingFault(**fault) for fault in one["faults"]))
         for one in table["case"]

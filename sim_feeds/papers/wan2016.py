@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 from math import radians
 from typing import Final
 
@@ -20,14 +19,14 @@ from sim_feeds.airframe import AIRFRAMES
 from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
 from sim_feeds.flightplan import FlightPlan
 from sim_feeds.legs import Leg, WindPart
+from sim_feeds.papers.bundled import scenario_of
 from sim_feeds.papers.wan import LongitudinalExperiment, wan_experiment
-from sim_feeds.section import Strict, parse_table
-from sim_feeds.wind import Wind
+from sim_feeds.section import Strict
+from sim_feeds.wind import FOOT_M, Wind
 
 __all__ = ["FILE", "Group", "Noise", "Scenario", "Table1", "flight_plan", "table1"]
 
 FILE: Final = "wan2016.toml"
-FOOT_M: Final = 0.3048
 
 
 class Noise(Strict):
@@ -127,6 +126,10 @@ class Table1(Strict):
         ----------
         name
             Of the scenario.
+        seed
+            Of noise and turbulence.
+        faulty
+            False leaves the sensors whole.
         noise
             A set of the file.
         without
@@ -160,14 +163,13 @@ class Table1(Strict):
 def flight_plan(cas_kt: float, height_ft: float) -> FlightPlan:
     """An empty plan of a transport trimmed at a calibrated airspeed and height."""
     height = height_ft * FOOT_M
-    impact = earth.impact_pressure_of_cas(cas_kt * KNOT_M_S)
-    tas = earth.true_airspeed(impact, earth.static_pressure(height), earth.temperature(height))
-    airframe = replace(AIRFRAMES["transport"], cruise_m_s=cas_kt * KNOT_M_S)
+    cas = cas_kt * KNOT_M_S
+    tas = earth.true_airspeed_of_cas(cas, height)
+    airframe = replace(AIRFRAMES["transport"], cruise_m_s=cas)
     return FlightPlan(airframe, speed_m_s=float(tas), height_m=height)
 
 
 @cache
 def table1() -> Table1:
     """The scenario file."""
-    text = (resources.files("sim_feeds.papers") / FILE).read_text(encoding="utf-8")
-    return parse_table(text, Table1, FILE)
+    return scenario_of(FILE, Table1)

@@ -24,7 +24,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from importlib import resources
 from math import exp, pi, radians
 from typing import Any, Final
 
@@ -34,9 +33,10 @@ from sim_feeds import earth
 from sim_feeds.airframe import AIRFRAMES
 from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
 from sim_feeds.flightplan import FlightPlan
+from sim_feeds.papers.bundled import text_of
 from sim_feeds.papers.wan import LongitudinalExperiment, wan_experiment
 from sim_feeds.profile import PEAK_SLOPE
-from sim_feeds.wind import Component, Constant, Dryden, Gust, Ramp, Wind
+from sim_feeds.wind import FOOT_M, Component, Constant, Dryden, Gust, Ramp, Wind
 
 __all__ = [
     "CATEGORIES",
@@ -58,7 +58,6 @@ WIND_KT: Final = 120.0
 WIND_LOW_KT: Final = 40.0
 WIND_RATE_KT_S: Final = 15.0
 VERTICAL_WIND_KT: Final = 30.0
-FOOT_M: Final = 0.3048
 KINDS: Final = ("oscillation", "jamming", "bias", "runaway", "nrz", "noise")
 RANGES: Final[dict[tuple[str, str], tuple[float, float]]] = {
     ("aoa", "size"): (0.5, 25.0),
@@ -127,7 +126,7 @@ class Run:
 
 def read_runs() -> list[Run]:
     """The committed runs: 249 of the main set, then 109 of the small one."""
-    text = resources.files(__package__).joinpath(RUNS_FILE).read_text(encoding="utf-8")
+    text = text_of(RUNS_FILE)
     return [Run(**json.loads(line)) for line in text.splitlines() if line]
 
 
@@ -200,9 +199,7 @@ def _fault(f: dict[str, Any]) -> Fault:
 
 
 def _tas_m_s(cas_kt: float, height_m: float) -> float:
-    impact = earth.impact_pressure_of_cas(cas_kt * KNOT_M_S)
-    pressure, temperature = earth.static_pressure(height_m), earth.temperature(height_m)
-    return float(earth.true_airspeed(impact, pressure, temperature))
+    return float(earth.true_airspeed_of_cas(cas_kt * KNOT_M_S, height_m))
 
 
 def _draw(rng: np.random.Generator, number: int, category: str) -> Run:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from math import radians
 from typing import Final
 
@@ -15,9 +14,10 @@ import numpy as np
 
 from sim_feeds.faults import KNOT_M_S, Fault, FaultKind
 from sim_feeds.legs import WindPart
+from sim_feeds.papers.bundled import scenario_of
 from sim_feeds.papers.wan import WAN_SAMPLE_S, LongitudinalExperiment, wan_experiment
 from sim_feeds.papers.wan2016 import flight_plan
-from sim_feeds.section import Strict, parse_table
+from sim_feeds.section import Strict
 from sim_feeds.wind import Constant, Wind
 
 __all__ = ["FILE", "Conditions", "SensitivityDraws", "SensitivityFlight", "conditions"]
@@ -127,5 +127,4 @@ class Conditions(Strict):
 @cache
 def conditions() -> Conditions:
     """The scenario file."""
-    text = (resources.files("sim_feeds.papers") / FILE).read_text(encoding="utf-8")
-    return parse_table(text, Conditions, FILE)
+    return scenario_of(FILE, Conditions)

@@ -10,12 +10,12 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim_feeds.papers.bundled import text_of
 from sim_feeds.papers.streams import FAULT_STREAM, INPUT_STREAM, NOISE_STREAM, PROCESS_STREAM
 
 __all__ = [
@@ -50,6 +50,9 @@ class EngineScenario:
         Noise of each speed in one sample.
     outputs
         What the channels are called.
+    input_mean, sinusoids, amplitude, frequency_hz
+        Inputs (r,) as a mean and a number of sinusoids, amplitudes and frequencies drawn between
+        these.
     noise
         Law -> its standard deviations (Cauchy: scales), (m,).
     fault_free : (m,)
@@ -102,8 +105,7 @@ class EngineScenario:
 @cache
 def wang2020_scenario() -> EngineScenario:
     """Read the scenario file."""
-    text = files("sim_feeds.papers").joinpath("wang2020.toml").read_text(encoding="utf-8")
-    t = tomllib.loads(text)
+    t = tomllib.loads(text_of("wang2020.toml"))
     engine, inputs, faults, told = t["engine"], t["inputs"], t["faults"], t["filter"]
     (low_a, high_a), (low_f, high_f) = inputs["amplitude"], inputs["frequency_hz"]
     return EngineScenario(

@@ -18,6 +18,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from links.airframes import load_airframe
 from sim_feeds.sixdof.engine import FOOT_M, SLUG_KG, Engine, Gauge, Gauges
 from sim_feeds.sixdof.flight import FAULT_COLUMNS, SixDofFlight
 from sim_feeds.sixdof.loop import MOTION, Gusts, Place, eyes, fly
@@ -41,7 +42,6 @@ WAYPOINTS_M: Final = (
     (-500.0, 700.0),
 )
 """North and east: an almost closed path of 7.8 km, five minutes in calm air, as in Fig. 3."""
-SPAN_M: Final = 2.8956
 STEP_S: Final = 0.005
 CONTROL_S: Final = 0.02
 SETTLE_S: Final = 30.0
@@ -63,6 +63,7 @@ class WingFault:
     which
         One of ``FAULT_COLUMNS``.
     start_s
+        When it happens, from the start of the record.
     size_percent
         Loss of that wing's lift, or growth of its drag, at once.
     rate_percent_s
@@ -185,7 +186,8 @@ def _gusts(t: Floats, wind_m_s: float, share: float, rng: np.random.Generator) -
     """Turbulence of this wind at cruise, and the rotation of the air that comes with it."""
     model = VonKarman(wind_6m_m_s=wind_m_s)
     along, across, down = share * model.along_path(Route.still(t, CRUISE_M_S, HEIGHT_M), rng).T
-    air = rotation_of_the_air(across, down, tas_m_s=CRUISE_M_S, span_m=SPAN_M, dt_s=STEP_S)
+    span_m = load_airframe("aerosonde")["span_m"]
+    air = rotation_of_the_air(across, down, tas_m_s=CRUISE_M_S, span_m=span_m, dt_s=STEP_S)
     return Gusts(along, across, down, air.q, air.r)
 
 

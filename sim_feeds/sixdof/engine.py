@@ -28,6 +28,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_feeds.wind import FOOT_M
+
 if TYPE_CHECKING:
     import jsbsim
 
@@ -45,7 +47,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-FOOT_M: Final = 0.3048
 POUND_N: Final = 4.4482216152605
 SLUG_KG: Final = POUND_N / FOOT_M
 NEEDED: Final = (
@@ -59,9 +60,8 @@ INTEGRATORS: Final = {
     "simulation/integrator/position/translational": 4.0,
 }
 """3 and 4 are Adams-Bashforth of second and third order, 7 is Buss' second-order rotation."""
-
-
 TALKING: Final = ("input", "output")
+"""Elements of an aircraft file that open ports or write files."""
 
 
 class EngineMissing(RuntimeError):
@@ -126,8 +126,7 @@ class Engine:
     def __init__(self, aircraft: str, *, dt_s: float) -> None:
         module = _jsbsim()
         module.FGJSBBase().debug_lvl = 0
-        if hasattr(module, "set_logger"):  # 1.2 has no logger
-            module.set_logger(module.DefaultLogger(module.LogLevel.FATAL))
+        module.set_logger(module.DefaultLogger(module.LogLevel.FATAL))
         ours = bundled_aircraft()
         theirs = Path(module.get_default_root_dir())
         root = ours if (ours / aircraft).is_dir() else theirs / "aircraft"
@@ -253,6 +252,7 @@ class Gauges:
     Parameters
     ----------
     engine
+        Whose properties they are.
     gauges
         What to read, in order.
     """

@@ -153,7 +153,7 @@ def test_estimates_stay_sound_whatever_the_outputs(seed, n, m, size):
     np.testing.assert_allclose(track.weights.sum(axis=1), 1.0)
     assert track.works.min() >= 0.0
     assert track.works.max() <= 1.0 + 1e-12
-    assert track.status[5] == Status.HELD or np.isnan(y[5]).all()
+    assert track.status[5] == Status.HELD
     assert track.status[7] == track.status[9] == Status.MISSING
 
 
@@ -264,6 +264,15 @@ def test_statuses_say_what_happened():
     hopeless = single(all_faulty=False, fault_free=(0.0,))
     assert hopeless.step([0.3], [2.1]) is Status.IMPOSSIBLE
     assert hopeless.state == pytest.approx(0.8)
+    assert own.step([np.nan], [np.nan]) is Status.HELD
+
+
+def test_a_prediction_that_nothing_corrects_is_no_jump():
+    """From 1 to the prediction 0.8 is more than the limit, but nothing was corrected."""
+    own = single(all_faulty=False, fault_free=(0.0,), variation_limit=0.1)
+    track = own.run([[0.3]], [[2.1]])
+    assert track.status[0] == Status.IMPOSSIBLE
+    assert own.state == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize(("keep", "x", "P"), [("keep", 1.0, 0.4), ("predict", 0.8, 0.2)])

@@ -12,6 +12,7 @@ from estimators.monotone_map import (
     PRINTED,
     MapTuning,
     MonotoneMap,
+    normal_rows,
     solve_window,
     window_work_size,
 )
@@ -138,6 +139,9 @@ class TestProgramme:
         bad[4, 2] = np.nan
         assert solve(H, bad)[0] == qp.NON_FINITE
         assert solve(np.full_like(H, np.inf), q)[0] == qp.NON_FINITE
+        beside = H.copy()
+        beside[4, 2, 1] = np.nan
+        assert solve(beside, q)[0] == qp.NON_FINITE
         s, z, f = np.ones((3, 10, 4))
         work = np.empty(qp.work_size(10, 4))
         assert qp.solve_monotone(H, q, s, z, f, 1e-10, 2, work)[0] == qp.NOT_CONVERGED
@@ -146,8 +150,26 @@ class TestProgramme:
             qp.SOLVED, qp.NOT_CONVERGED, qp.SINGULAR, qp.NON_FINITE
         }  # fmt: skip
 
+    def test_levels_that_fall_for_ever_are_singular(self):
+        """No curvature and a cost that falls with the level: there is no optimum to be near."""
+        H, q = np.zeros((10, 4, 4)), -np.ones((10, 4))
+        assert solve(H, q)[0] == qp.SINGULAR
+
 
 class TestWindow:
+    def test_normal_rows_agree_with_twin(self):
+        rng = np.random.default_rng(4)
+        y, S = residuals(rng, 9)
+        y[3, 1], S[5, 0, 2] = np.nan, np.inf
+        W = np.cov(rng.normal(size=(6, 20)))
+        H, q = np.empty((9, 4, 4)), np.empty((9, 4))
+        assert normal_rows(y, S, W, H, q) == 7
+        H_twin, q_twin = twin.normal_rows(y, S, W)
+        np.testing.assert_allclose(H, H_twin, atol=1e-12)
+        np.testing.assert_allclose(q, q_twin, atol=1e-12)
+        assert not H[3].any()
+        assert not q[5].any()
+
     @pytest.mark.parametrize("prior", [PRINTED, CONTINUED])
     def test_recursion_agrees_with_twin(self, prior):
         rng = np.random.default_rng(5)

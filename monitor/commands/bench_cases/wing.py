@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from estimators.baselines import numpy_twins_map as twin
 from estimators.monotone_map import CONTINUED, normal_rows, solve_window, window_work_size
 from estimators.monotone_qp import SOLVED, TOLERANCE
+from estimators.wing_faults import EXTRA
 from monitor.commands.bench_cases import BenchCase, Measured
 
 __all__ = ["Windows", "cases", "clarabel_peer", "piqp_peer"]
@@ -34,19 +35,21 @@ F_BAR = np.zeros(LEVELS)
 
 SIGNATURES = np.array(
     [
-        [-0.003, -0.004, -0.003, -0.004],
+        [-0.0031, -0.0046, -0.0031, -0.0046],
         [0.0, 0.0, 0.0, 0.0],
-        [0.050, 0.0, 0.050, 0.0],
-        [0.43, -0.001, -0.43, 0.001],
+        [0.0498, -0.0003, 0.0498, -0.0003],
+        [0.488, 0.0005, -0.488, -0.0005],
         [0.0, 0.0, 0.0, 0.0],
-        [0.03, 0.016, -0.03, -0.016],
+        [0.0473, 0.0206, -0.0473, -0.0206],
     ]
 )
-"""Per % of right lift, right drag, left lift, left drag in level flight of a small aircraft:
-forward, right and down in m/s^2, roll, pitch and yaw in rad/s^2."""
-NOISE = np.array([0.05, 0.1, 0.3, 0.4, 0.3, 0.1])
-"""Standard deviation of the residuals, same units."""
-CORRELATION = 0.9
+"""Per % of right lift, right drag, left lift, left drag of an Aerosonde in level flight: forward,
+right and down in m/s^2, roll, pitch and yaw in rad/s^2."""
+GUSTS = np.array([[0.0, 0.2, 0.0, -1.0, 0.0, -0.2], [-0.15, 0.0, 1.3, 0.0, 1.1, 0.0]])
+"""What wind that is not known does to the residuals: from the side, and from below. Same units."""
+REST = 0.1
+"""Part of each residual that is not in these proportions."""
+CORRELATION = 0.98
 """Of one residual with the next."""
 
 
@@ -73,13 +76,14 @@ class Windows:
         f = np.zeros((rows, LEVELS))
         f[rows // 2 :, 0] = 10.0
         f[:, 1] = 0.05 * np.maximum(t - rows // 4, 0)
-        e = NOISE * rng.normal(size=(rows, AXES))
+        size = np.sqrt((GUSTS**2).sum(axis=0))
+        e = rng.normal(size=(rows, 2)) @ GUSTS + REST * size * rng.normal(size=(rows, AXES))
         for k in range(1, rows):
             e[k] = CORRELATION * e[k - 1] + np.sqrt(1.0 - CORRELATION**2) * e[k]
         y = np.einsum("kij,kj->ki", S, f) + e
         parts = [slice(10 * i, 10 * i + N) for i in range(WINDOWS)]
         self.N = N
-        self.W = np.diag(NOISE**-2.0)
+        self.W = np.linalg.inv(GUSTS.T @ GUSTS + EXTRA * np.diag(size**2))
         self.y = [np.ascontiguousarray(y[part]) for part in parts]
         self.S = [np.ascontiguousarray(S[part]) for part in parts]
         self.programmes = [

@@ -73,7 +73,7 @@ def reproduce(
     from monitor.commands.reproduce.engine import run_jobs
     from monitor.commands.reproduce.papers import KEYS
     from monitor.commands.reproduce.render import Stamp, write
-    from monitor.commands.reproduce.store import Store
+    from monitor.commands.reproduce.store import Store, code_digest
     from monitor.commands.reproduce.study import Scope
     from monitor.warmup import COMPILING
 
@@ -85,17 +85,24 @@ def reproduce(
     todo = [job for paper in papers.values() for job in paper.jobs(scope)]
     if is_cold():
         note(COMPILING)
+    kept = Store(out / ("results-quick" if quick else "results"))
     try:
         with progress(f"reproducing {which.value}") as tell:
-            done = run_jobs(
-                _mixed(todo), Store(out / "results"), jobs or _cores(), tell, any_code=redraw
-            )
+            done = run_jobs(_mixed(todo), kept, jobs or _cores(), tell, any_code=redraw)
     except KeyboardInterrupt:
         note(f"stopped; what is finished stays in {out}, and the same command continues")
         raise
     if done.taken:
         note(f"{done.taken} of {len(todo)} results were there already")
-    chapters = {key: paper.chapter(done.results[key], scope) for key, paper in papers.items()}
+    try:
+        chapters = {key: paper.chapter(done.results[key], scope) for key, paper in papers.items()}
+    except Exception as error:
+        if done.codes <= {code_digest()}:
+            raise
+        raise Refused(
+            f"the results in {out} are of other code and lack what this version shows ({error!r}); "
+            "without --redraw they are made anew"
+        ) from None
     codes = tuple(sorted(done.codes))
     stamp = Stamp(version("mavsentry"), codes, seed, quick, done.seconds)
     try:
@@ -182,9 +189,9 @@ def _print_table(table: Table) -> None:
     out = console()
     reasons: dict[str, str] = {}
     last = len(table.columns) - 1 if table.columns[-1].startswith("why") else len(table.columns)
-    grid = Grid(title=table.caption, title_justify="left", box=box.SIMPLE_HEAD)
+    grid = Grid(title=Words(table.caption), title_justify="left", box=box.SIMPLE_HEAD)
     for column in table.columns[:last]:
-        grid.add_column(column)
+        grid.add_column(Words(column))  # as it is: "[kt]" is a unit, not a style
     noted = last < len(table.columns)
     if noted:
         grid.add_column("")

@@ -11,6 +11,7 @@ import io
 import json
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -27,6 +28,10 @@ PACKAGES: Final = ("links", "estimators", "sim_feeds", "monitor")
 SOURCES: Final = frozenset({".py", ".toml", ".csv", ".json", ".jsonl", ".xml"})
 HEAD: Final = "__head__"
 ARRAY: Final = "__array__"
+DAMAGED: Final = (
+    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile
+)  # fmt: skip
+"""What reading an archive raises when bytes of it have changed: such a file is no result."""
 
 
 @cache
@@ -77,7 +82,7 @@ class Store:
                     return None
                 arrays = {k: file[k] for k in file.files if k != HEAD}
             result = _filled(head["result"], arrays)
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except DAMAGED:
             return None
         return Kept(result, head["code"], head["seconds"])
 

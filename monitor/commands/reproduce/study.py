@@ -12,10 +12,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -31,6 +28,7 @@ __all__ = [
     "Scope",
     "Table",
     "Text",
+    "decided",
 ]
 
 Result = dict[str, Any]
@@ -39,6 +37,8 @@ Results = Mapping[str, Result]
 """Results of one paper by :attr:`Job.name`."""
 FULL_WIDTH_IN = 8.0
 """Width of a figure that fills the page [inch]."""
+APART: Final = 10_000
+"""More than any scenario file's seeds differ by."""
 Cell = str | float | int | bool | None
 Outcome = Literal["holds", "holds in part", "does not hold", "not reproducible", "not run"]
 
@@ -79,7 +79,7 @@ class Scope:
     quick
         The version of all five papers that takes two minutes together.
     seed
-        Added to every job's seed; 0 gives the figures of the documentation.
+        Which draws: 0 gives the figures of the documentation, see :meth:`drawn`.
     flights
         Directory of recorded flights, or None: then what needs them says "not run".
     """
@@ -87,6 +87,10 @@ class Scope:
     quick: bool = False
     seed: int = 0
     flights: Path | None = None
+
+    def drawn(self, seed: int) -> int:
+        """A scenario file's seed, moved so far that no two scopes share a draw."""
+        return seed + APART * self.seed
 
 
 @dataclass(frozen=True)
@@ -204,6 +208,6 @@ class Paper:
     needs: Sequence[str] = field(default=())
 
 
-def stacked(results: Results, prefix: str, key: str) -> NDArray[Any]:
-    """The values under ``key`` of all results whose name begins with ``prefix``, by name."""
-    return np.asarray([results[n][key] for n in sorted(results) if n.startswith(prefix)])
+def decided(whole: bool, part: bool = False) -> Outcome:
+    """The outcome of a claim: ``whole``, else ``part``, else not at all."""
+    return "holds" if whole else "holds in part" if part else "does not hold"

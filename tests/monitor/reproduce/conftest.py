@@ -26,7 +26,7 @@ def quickly(quick_dir: Path) -> Callable[[str], tuple[Results, Chapter]]:
 
     def run(key: str) -> tuple[Results, Chapter]:
         if key not in found:
-            paper, store = paper_of(key), Store(quick_dir / "results")
+            paper, store = paper_of(key), Store(quick_dir / "results-quick")
             results = run_jobs(paper.jobs(QUICK), store, 1, lambda fraction: None).results[key]
             found[key] = results, paper.chapter(results, QUICK)
         return found[key]

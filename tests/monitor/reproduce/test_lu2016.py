@@ -44,6 +44,15 @@ def test_jobs_have_names_of_their_own_and_find_their_study() -> None:
     assert 3 * quick < full
 
 
+def test_another_seed_shares_no_draw() -> None:
+    first, other = (
+        {job.seed for job in PAPER.jobs(Scope(seed=seed)) if job.name.count("/") > 1}
+        for seed in (0, 1)
+    )
+    assert len(first) == len(other) > 20
+    assert not first & other
+
+
 def test_the_same_job_gives_the_same_bits() -> None:
     job = next(j for j in simulated.jobs(QUICK) if "turbulence" in j.name)
     one, same = (simulated.work(job) for _ in range(2))

@@ -13,7 +13,7 @@ from monitor.commands.reproduce.samar2006.scheme import (
     estimate,
     residuals_of,
 )
-from monitor.commands.reproduce.samar2006.work import VARIANTS, jobs, work
+from monitor.commands.reproduce.samar2006.work import VARIANTS
 from monitor.commands.reproduce.study import Claim, Figure, Scope, Table
 from sim_feeds.papers.samar2006 import fly, plan, wrong_numbers
 from sim_feeds.sixdof import FAULT_COLUMNS
@@ -21,7 +21,7 @@ from sim_feeds.sixdof import FAULT_COLUMNS
 
 @pytest.fixture(scope="module")
 def results():
-    return {job.name: work(job) for job in jobs(Scope(quick=True))}
+    return {job.name: PAPER.work(job) for job in PAPER.jobs(Scope(quick=True))}
 
 
 class TestPlan:

@@ -16,8 +16,8 @@ STUDIES = (wind, runaway, residual, sensitivity)
 
 
 @pytest.fixture(scope="module")
-def results():
-    return {job.name: study.work(job) for study in STUDIES for job in study.jobs(SCOPE)}
+def results(quickly):
+    return quickly("wan2018")[0]
 
 
 def test_the_winds_are_those_of_the_file():

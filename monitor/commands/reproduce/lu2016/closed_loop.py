@@ -69,7 +69,7 @@ def jobs(scope: Scope) -> list[Job]:
             "lu2016",
             f"closed_loop/{wind}/{seed}",
             {"wind": wind, "lines": seed == section.seeds[0]},
-            seed + scope.seed,
+            scope.drawn(seed),
         )
         for wind, seed in section.chosen(scope.quick)
     ]

@@ -23,7 +23,7 @@ from monitor.commands.reproduce.lu2016.closed_loop_names import (
     winds_of,
 )
 from monitor.commands.reproduce.lu2016.published import AXES, shown
-from monitor.commands.reproduce.study import Claim, Outcome, Result, Scope
+from monitor.commands.reproduce.study import Claim, Result, Scope, decided
 
 __all__ = ["claims"]
 
@@ -49,10 +49,6 @@ def claims(results: Mapping[str, Result], scope: Scope) -> list[Claim]:
     ]
 
 
-def _outcome(good: bool, partly: bool = False) -> Outcome:
-    return "holds" if good else ("holds in part" if partly else "does not hold")
-
-
 def _claim_states(rows: Sequence[Result]) -> Claim:
     most = median_of(rows, GROUND, "state_max")
     exact = median_of(rows, EXACT, "state_max")
@@ -62,7 +58,7 @@ def _claim_states(rows: Sequence[Result]) -> Claim:
     return Claim(
         "Section 3.3, Fig. 3(a, b): the true velocities of the two loops differ by less than "
         "0.2 m/s, the angles by less than 5e-3 rad.",
-        _outcome(all(good), near),
+        decided(all(good), near),
         f"{most[:3].max():.2f} m/s and {1e3 * most[3:].max():.1f} mrad with our aircraft "
         f"({exact[:3].max():.2f} m/s and {1e3 * exact[3:].max():.1f} mrad when the filter is "
         "linearised at x, which takes the mean error of f_q during the faults from "
@@ -76,7 +72,7 @@ def _claim_estimates(rows: Sequence[Result]) -> Claim:
     change = change_of(rows, GROUND)
     return Claim(
         "Section 3.3, Fig. 3(c, d): the fault estimates of both loops closely match each other.",
-        _outcome(bool(share.max() < CLOSE), bool(share.max() < 0.5)),
+        decided(bool(share.max() < CLOSE), bool(share.max() < 0.5)),
         f"Their rms difference is at most {100 * share.max():.1f} % of their error on any axis, "
         f"and closing the loop changes no RMSE by more than {100 * change:.1f} %.",
     )
@@ -91,7 +87,7 @@ def _claim_edges(rows: Sequence[Result]) -> Claim:
     return Claim(
         "Section 3.3, Fig. 3(e, f): the estimates differ mainly at the beginning and the end of "
         "the faults, but for the oscillating f_Az and f_q.",
-        _outcome(bool(good.all()), bool(good.any())),
+        decided(bool(good.all()), bool(good.any())),
         f"Of the squared differences, the 2 s after onset and end ({100 * time:.0f} % of the "
         f"time) hold {axes}.",
     )
@@ -106,7 +102,7 @@ def _claim_after(rows: Sequence[Result]) -> Claim:
     return Claim(
         "Section 3.3: after the faults the flights still differ, yet both loops' fault estimates "
         "have zero mean.",
-        _outcome(ratio < 0.5, ratio < 1.0),
+        decided(ratio < 0.5, ratio < 1.0),
         f"With flights up to {apart:.2f} m/s apart, no mean after 32 s exceeds {ratio:.2f} of the "
         "estimate's own standard deviation.",
     )
@@ -127,7 +123,7 @@ def _claim_open_is_valid(results: Mapping[str, Result], winds: Sequence[str]) ->
     return Claim(
         "Sections 3.2 and 3.3: with unbiased estimates, open-loop validation is as valid as "
         "closed-loop validation.",
-        _outcome(same, ground < 0.1),
+        decided(same, ground < 0.1),
         f"On the ground-speed model closing the loop changes no RMSE by more than "
         f"{100 * ground:.1f} % in {', '.join(winds)}. {note}",
     )
@@ -144,7 +140,7 @@ def _claim_tolerant(results: Mapping[str, Result], winds: Sequence[str]) -> Clai
     fixed, faulty = (deviations(rows, fed) for fed in (steered_on(GROUND), FAULTY))
     return Claim(
         "Section 3.2: steering on the reconstructed values achieves fault-tolerant control.",
-        _outcome(max(worst) < 0.35, max(worst) < 1.0),
+        decided(max(worst) < 0.35, max(worst) < 1.0),
         f"In calm air the flight parts from the one on true values by {fixed[0]:.1f} m of height, "
         f"{fixed[1]:.2f} m/s of airspeed and {fixed[4]:.1f} deg of heading, against "
         f"{faulty[0]:.1f} m, {faulty[1]:.2f} m/s and {faulty[4]:.1f} deg on the faulty ones; in "

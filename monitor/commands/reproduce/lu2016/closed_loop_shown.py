@@ -25,7 +25,7 @@ from monitor.commands.reproduce.lu2016.closed_loop_names import (
     steered_on,
     winds_of,
 )
-from monitor.commands.reproduce.lu2016.published import AXES, UNITS, shown
+from monitor.commands.reproduce.lu2016.published import AXES, COLUMNS, UNITS, shown
 from monitor.commands.reproduce.study import Figure, Result, Scope, Table, Text
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def _errors_table(results: Mapping[str, Result], winds: Sequence[str]) -> Table:
             "wind",
             "filter",
             "loop",
-            *(f"{a} [{u}]" for a, u in zip(AXES, UNITS, strict=True)),
+            *COLUMNS,
             "change [%]",
         ),
         rows,

@@ -69,7 +69,7 @@ def jobs(scope: Scope) -> list[Job]:
     return [
         Job("lu2016", f"fault_walk/{wind}/{seed}", {"wind": wind, "factors": section.factors}, seed)
         for wind in section.winds
-        for seed in (scope.seed + s for s in section.chosen(scope.quick))
+        for seed in (scope.drawn(s) for s in section.chosen(scope.quick))
     ]
 
 

@@ -54,7 +54,7 @@ def jobs(scope: Scope) -> list[Job]:
     """One a flight and draw."""
     from sim_feeds.papers.lu2016_runs import runs
 
-    seeds = [scope.seed + s for s in runs().open_loop.chosen(scope.quick)]
+    seeds = [scope.drawn(seed) for seed in runs().open_loop.chosen(scope.quick)]
     return [
         Job(
             "lu2016",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from monitor.commands.reproduce.lu2016.lines import Curve, bars, panels
 from monitor.commands.reproduce.lu2016.methods import LABELS, METHODS
-from monitor.commands.reproduce.lu2016.published import AXES, UNITS, shown
+from monitor.commands.reproduce.lu2016.published import AXES, COLUMNS, UNITS, shown
 from monitor.commands.reproduce.study import Figure, Results, Scope, Table
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def _errors_table(results: Results) -> Table:
                 labels = [name, LABELS[model], LABELS[method]]
                 rows.append([*labels, *(float(v) for v in values)])
     columns = ["flight", "model", "estimator"]
-    columns += [f"{axis} [{unit}]" for axis, unit in zip(AXES, UNITS, strict=True)]
+    columns += COLUMNS
     caption = (
         "Root mean square errors, median of the draws; Figs. 9 to 12 are of the ATSEKF. The paper"
         " draws its own as bars without numbers. The recording's own biases count as errors, as"

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "AXES",
+    "COLUMNS",
     "LEVEL_RATIO",
     "PARABOLIC_GYRO_RAD_S",
     "TABLE_1_STD",
@@ -27,6 +28,8 @@ __all__ = [
 
 AXES: Final = ("f_Ax", "f_Ay", "f_Az", "f_p", "f_q", "f_r")
 UNITS: Final = ("m/s²", "m/s²", "m/s²", "deg/s", "deg/s", "deg/s")
+COLUMNS: Final = tuple(f"{axis} [{unit}]" for axis, unit in zip(AXES, UNITS, strict=True))
+"""Heads of the six columns of a table of faults or errors."""
 SHOWN: Final = np.array([1.0] * 3 + [degrees(1.0)] * 3)
 
 

@@ -49,7 +49,7 @@ def jobs(scope: Scope) -> list[Job]:
     from sim_feeds.papers.lu2016_runs import runs
 
     section = runs().rates
-    seeds = [scope.seed + s for s in section.chosen(scope.quick)]
+    seeds = [scope.drawn(seed) for seed in section.chosen(scope.quick)]
     out = [Job("lu2016", f"rates/late/{seed}", {"late": True}, seed) for seed in seeds]
     for wind in section.winds:
         for hz in section.gps_hz:

@@ -23,7 +23,7 @@ from monitor.commands.reproduce.lu2016.recorded_names import (
     spread,
     swing,
 )
-from monitor.commands.reproduce.study import Claim, Outcome, Result, Scope
+from monitor.commands.reproduce.study import Claim, Result, Scope, decided
 
 __all__ = ["claims"]
 
@@ -56,10 +56,6 @@ def claims(results: Mapping[str, Result], scope: Scope) -> list[Claim]:
     ]
 
 
-def _outcome(good: bool, partly: bool) -> Outcome:
-    return "holds" if good else ("holds in part" if partly else "does not hold")
-
-
 def _follow(flights: Sequence[Result]) -> Claim:
     share = overall(flights, PAPER, "share_late")
     good = share < FOLLOWS
@@ -81,7 +77,7 @@ def _follow(flights: Sequence[Result]) -> Claim:
     return Claim(
         "Section 5.1, on our recordings: the estimates follow the faults that were written into "
         "real flights.",
-        _outcome(bool(good.all()), bool(good.any())),
+        decided(bool(good.all()), bool(good.any())),
         f"From 5 s after the onset the rms error is, of the fault: {told}.{reason}",
     )
 
@@ -93,7 +89,7 @@ def _zero_mean(flights: Sequence[Result]) -> Claim:
     ratio = means / stds
     return Claim(
         "Sections 5.1 and 5.2, on our recordings: the estimation errors are zero-mean.",
-        _outcome(bool((ratio < 1.0).all()), bool((ratio < 1.0).mean() > 0.75)),
+        decided(bool((ratio < 1.0).all()), bool((ratio < 1.0).mean() > 0.75)),
         f"Of healthy recordings the estimates have means of up to {acc:.2f} m/s² and "
         f"{gyro:.2f} deg/s, {ratio.max():.0f} times their deviation: turn-on biases of a small "
         "IMU, which are faults to the filter and none to its owner. A monitor has to judge "
@@ -116,9 +112,10 @@ def _residuals(flights: Sequence[Result]) -> Claim:
     return Claim(
         "Section 5.1, Fig. 8, on our recordings: measured and estimated states differ little even "
         "under faults, which demonstrates unbiased estimates.",
-        _outcome(small and proof, small or bool((worst < 2.0).any())),
-        f"Under faults the residuals grow at most {worst.max():.1f} times. They demonstrate "
-        "nothing, though: with an attitude that follows the broken IMU they are at most "
+        decided(small and proof, small or bool((worst < 2.0).any())),
+        f"Under faults the residuals grow at most {worst.max():.1f} times. "
+        + ("" if proof else "They demonstrate nothing, though: ")
+        + "with an attitude that follows the broken IMU they are at most "
         f"{alike:.1f} times as large while f_Ax is wrong by {wrong:.1f} of 3 m/s².",
     )
 
@@ -130,7 +127,7 @@ def _largest_rate_error(flights: Sequence[Result]) -> Claim:
     return Claim(
         "Section 5.2, on our most agile recording: the largest error of a rate fault is below "
         "0.05 rad/s, even as the faults set in.",
-        _outcome(most < PARABOLIC_GYRO_RAD_S, most < 1.2 * PARABOLIC_GYRO_RAD_S),
+        decided(most < PARABOLIC_GYRO_RAD_S, most < 1.2 * PARABOLIC_GYRO_RAD_S),
         f"{most:.3f} rad/s at the onset of f_r, which is 0.052 rad/s itself, on the recording with "
         f"{agile['flight']['roll_rate_deg_s']:.0f} deg/s of roll; {late:.3f} rad/s rms from 5 s "
         "after the onset on.",
@@ -143,7 +140,7 @@ def _robust(flights: Sequence[Result]) -> Claim:
     return Claim(
         "Section 5.4, Fig. 12, on our recordings: with the ground-speed model the performance does "
         "not change significantly with the flight.",
-        _outcome(bool((ratio < ROBUST).all()), bool(ratio[0] < ROBUST)),
+        decided(bool((ratio < ROBUST).all()), bool(ratio[0] < ROBUST)),
         f"Largest over smallest RMSE of {len(flights)} recordings: {told}.",
     )
 
@@ -164,7 +161,7 @@ def _faster(flights: Sequence[Result]) -> Claim:
     return Claim(
         "Section 5.4, on our recordings: ground speed at a higher rate than 1 Hz gives a better "
         "performance.",
-        _outcome(all(good), any(good)),
+        decided(all(good), any(good)),
         f"RMSE with GPS at 5 Hz over that at 1 Hz, {told}. Interpolation off line looks ahead to "
         "the next fix, which makes up for most of a slow receiver.",
     )

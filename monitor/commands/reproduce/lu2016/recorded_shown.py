@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from links.vocabulary import GYRO_ACC_AXES
 from monitor.commands.reproduce.lu2016.published import (
     AXES,
+    COLUMNS,
     PARABOLIC_GYRO_RAD_S,
-    UNITS,
     shown,
 )
 from monitor.commands.reproduce.lu2016.recorded_claims import claims
@@ -39,7 +39,6 @@ __all__ = ["blocks", "claims"]
 
 Floats = NDArray[np.float64]
 
-_COLUMNS: Final = tuple(f"{a} [{u}]" for a, u in zip(AXES, UNITS, strict=True))
 _FIGURES: Final = ("9", "10", "11")
 _COLOURS: Final = {PAPER: "C0", OWN_TIMES: "C2", PIPELINE: "C1", FOLLOWED: "C3"}
 
@@ -137,7 +136,7 @@ def _errors_table(flights: Sequence[Result]) -> Table:
         "lu2016-recorded",
         "Figs. 9-11(e, f): RMSE of the fault estimates over 40 s, less the healthy recording's; "
         "median of the onsets. The paper shows bars without numbers.",
-        ("recording", "form", *_COLUMNS),
+        ("recording", "form", *COLUMNS),
         rows,
         digits=2,
     )
@@ -222,7 +221,7 @@ def _healthy_table(flights: Sequence[Result]) -> Table:
         "lu2016-recorded-healthy",
         "What is said of the recordings as they are. The means are turn-on biases and misalignment "
         "of a small IMU, found by all forms alike; the paper's sensors have none to speak of.",
-        ("recording", "form", "of the estimate", *_COLUMNS),
+        ("recording", "form", "of the estimate", *COLUMNS),
         rows,
         digits=2,
     )
@@ -311,7 +310,7 @@ def _draw_faults(canvas: Canvas, lines: Mapping[str, Any], forms: Sequence[str])
             line = lines[form]
             own = shown(line["f"] - line["healthy"])[:, k]
             axis.plot(line["t_s"], own, color=_COLOURS[form], lw=1.0, label=form)
-        axis.set_title(_COLUMNS[k])
+        axis.set_title(COLUMNS[k])
     for axis in axes[1]:
         axis.set_xlabel("time from the onset [s]")
     handles, labels = axes[0, 0].get_legend_handles_labels()

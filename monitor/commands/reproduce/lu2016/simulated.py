@@ -20,7 +20,7 @@ from monitor.commands.reproduce.lu2016.simulated_shown import (
     lines_of,
     median,
 )
-from monitor.commands.reproduce.study import Claim, Job, Outcome, Result, Results, Scope
+from monitor.commands.reproduce.study import Claim, Job, Outcome, Result, Results, Scope, decided
 
 if TYPE_CHECKING:
     from sim_feeds.papers.lu2016 import ImuExperiment
@@ -40,7 +40,7 @@ def jobs(scope: Scope) -> list[Job]:
     from sim_feeds.papers.lu2016_runs import runs
 
     section = runs().simulated
-    seeds = [scope.seed + seed for seed in section.chosen(scope.quick)]
+    seeds = [scope.drawn(seed) for seed in section.chosen(scope.quick)]
     kinds = [*section.winds, *EXTRA]
     return [
         Job("lu2016", f"simulated/{kind}/{seed}", {"kind": kind, "drawn": seed == seeds[0]}, seed)
@@ -99,7 +99,7 @@ def claims(results: Results, scope: Scope) -> list[Claim]:
 
 def graded(parts: list[bool]) -> Outcome:
     """All hold, some, none."""
-    return "holds" if all(parts) else "holds in part" if any(parts) else "does not hold"
+    return decided(all(parts), any(parts))
 
 
 def _unbiased(results: Results) -> Claim:

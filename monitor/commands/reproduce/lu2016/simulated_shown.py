@@ -12,6 +12,7 @@ from monitor.commands.reproduce.lu2016.lines import Curve, panels
 from monitor.commands.reproduce.lu2016.methods import LABELS, METHODS, MODELS
 from monitor.commands.reproduce.lu2016.published import (
     AXES,
+    COLUMNS,
     TABLE_1_STD,
     TABLE_2,
     TRIAL_QUIET_M_S2,
@@ -88,12 +89,13 @@ def lines_of(results: Results, kind: str) -> dict[str, Any]:
 
 
 def _draw_winds(canvas: Canvas, shear: dict[str, Any], turbulence: dict[str, Any]) -> None:
-    for ax, lines in zip(canvas.subplots(1, 2), (shear, turbulence), strict=True):
+    axes = canvas.subplots(1, 2)
+    for ax, lines in zip(axes, (shear, turbulence), strict=True):
         for k, label in enumerate(("north", "east", "down")):
             ax.plot(lines["t_s"], lines["wind"][:, k], label=label)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("wind [m/s]")
-        ax.legend(ncols=3)
+    canvas.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
 
 
 def _both_models(
@@ -168,7 +170,7 @@ def _errors_table(results: Results) -> Table:
         for method in METHODS
     ]
     columns = ["wind", "model", "estimator"]
-    columns += [f"{axis} [{unit}]" for axis, unit in zip(AXES, UNITS, strict=True)]
+    columns += COLUMNS
     caption = (
         "Root mean square errors of the six reconstructed faults over 40 s, median of the draws."
         " The paper shows these as lines only. The errors of an estimator that was exact once"

@@ -141,7 +141,8 @@ def _estimates(shown: dict[str, Any]) -> Any:
                 style = "-" if model == RIGHT else "--"
                 ax.plot(shown["rows_t_s"], f[:, i], style, color=f"C{k}", label=model_word(model))
             ax.set_ylabel(f"{NAMES[i]} [%]")
-            ax.set_ylim(0.0, max(12.0, 1.1 * shown["fault"][:, i].max()))
+            highest = max(float(f[:, i].max()) for f in shown["f"].values())
+            ax.set_ylim(0.0, 1.1 * max(10.0, shown["fault"][:, i].max(), highest))
         axes[0].legend()
         for ax in axes[2:]:
             ax.set_xlabel("time [s]")

@@ -93,8 +93,8 @@ def _summary(results: Results) -> str:
         f"in {small[0]} of {small[1]} after {small[2]:.1f} s. Healthy flights raise {right_flags} "
         f"flags in {len(flags[RIGHT])} with the right model and {wrong_flags} in {of_wrong} with "
         f"coefficients wrong by {plan().wrong_share:.0%}. "
-        f"With the right model the lift estimates end within a median {error:.1f} %, the drag "
-        f"estimates within {drag:.1f} % (at worst {drag_worst:.0f} %): drag is nearly unobservable "
+        f"With the right model the lift of a damaged wing ends within a median {error:.1f} %, its "
+        f"drag within {drag:.1f} % (at worst {drag_worst:.0f} %): drag is nearly unobservable "
         f"in wind, and a healthy aircraft's estimate of it reaches {drags.max():.0f} %. "
         + (
             "The printed prior and a small R keep errors for good; the form that charges growth "

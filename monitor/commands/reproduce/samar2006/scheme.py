@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.monotone_map import CONTINUED, MapTuning, MonotoneMap, Run
-from estimators.wing_faults import EXTRA, residual_covariance
+from estimators.wing_faults import (
+    EXTRA,
+    LAM_PERCENT,
+    R_PERCENT2,
+    WINDOW,
+    residual_covariance,
+)
 from estimators.wing_model import AERODYNAMIC, Airframe, inputs_of
 from estimators.wing_residuals import WingResiduals, low_passed
 from links.airframes import load_airframe
@@ -64,10 +70,10 @@ class Scheme:
     tau_wind_s: float = 10.0
     tau_acc_s: float = 4.0
     period_s: float = 0.5
-    N: int = 50
+    N: int = WINDOW
     extra: float | None = EXTRA
-    lam_percent: float = 1.0
-    R_percent2: float = 1.0
+    lam_percent: float = LAM_PERCENT
+    R_percent2: float = R_PERCENT2
     prior: int = CONTINUED
     frozen: bool = False
     airspeed: bool = False

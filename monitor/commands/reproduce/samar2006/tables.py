@@ -101,8 +101,9 @@ def healthy_table(results: Results) -> Table:
         "samar2006-healthy",
         "Healthy flights: largest estimates over all flights. Flagged is lift above "
         f"{t.lift:g} % or {t.lift_apart:g} % above the other wing's, drag above {t.drag:g} % or "
-        f"{t.drag_apart:g} % above. These limits were set on the flights and wrong models of the "
-        "first rows only. The paper shows no healthy flight.",
+        f"{t.drag_apart:g} % above and {t.leak:g} % more for each percent between the lifts. These "
+        "limits were set on the flights and wrong models of the first rows only. The paper shows "
+        "no healthy flight.",
         ("flights", "model", "number", "lift [%]", "drag [%]", "lift, apart [%]",
          "drag, apart [%]", "flights with a flag"),
         rows,

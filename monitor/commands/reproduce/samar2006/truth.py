@@ -53,12 +53,14 @@ JUDGED: Final = slice(5, None)
 INDEPENDENT: Final = 0.5
 """Share of periodogram ordinates that count, with Hann's window and half-overlapping segments."""
 
+SEED: Final = 100
+
 
 def jobs(scope: Scope) -> list[Job]:
     """One flight in each air."""
     seconds = QUICK_S if scope.quick else FULL_S
     return [
-        Job("samar2006", f"truth/{air}", {"air": air, "seconds": seconds}, scope.seed + 100)
+        Job("samar2006", f"truth/{air}", {"air": air, "seconds": seconds}, scope.drawn(SEED))
         for air in (QUICK if scope.quick else AIR)
     ]
 

@@ -204,19 +204,19 @@ def _course(name: str, number: str, results: Results) -> Figure:
             first = 0 if key == "aoa" else 3
             for i in range(3):
                 axis.plot(t, course[f"{key}_{unit}"][:, i], lw=0.5, color="0.7")
-            axis.plot(t, course[f"{key}_true_{unit}"], color="C1", label="true")
+            axis.plot(t, course[f"{key}_true_{unit}"], color="black", label="true")
             axis.plot(t, course[f"{key}_hat_{unit}"], color="C0", lw=0.9, label="estimate")
             _mark_detections(axis, t, course["faulty"][:, first : first + 3])
             axis.set_ylabel(label)
         for k, word in enumerate(("horizontal", "vertical")):
-            axes[2].plot(t, course["wind_kt"][:, k], color="C1", ls=("-", "--")[k])
+            axes[2].plot(t, course["wind_kt"][:, k], color="black", ls=("-", "--")[k])
             axes[2].plot(
                 t, course["wind_hat_kt"][:, k], color="C0", lw=0.9, ls=("-", "--")[k], label=word
             )
         axes[2].set_ylabel("wind [kt]")
         axes[2].set_xlabel("time [s]")
-        axes[0].legend(loc="upper right", ncols=2)
-        axes[2].legend(loc="upper left", ncols=2)
+        axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        axes[2].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
     return Figure(
         f"wan2016-fig{number}",

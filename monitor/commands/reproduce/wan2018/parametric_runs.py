@@ -29,7 +29,7 @@ from monitor.commands.reproduce.wan2018.scores import (
     visible_from_s,
 )
 from sim_feeds import earth
-from sim_feeds.papers.wan import LongitudinalExperiment
+from sim_feeds.papers.wan import WAN_SAMPLE_S, LongitudinalExperiment
 from sim_feeds.papers.wan2018 import SEED, Run, draw_runs, read_runs, run_experiment
 
 __all__ = ["OURS", "SCHEMES", "TUNING_SEEDS", "WEIGHTS", "jobs", "runs_of", "work"]
@@ -141,8 +141,8 @@ def _example(runs: list[Run], draw: int, kind: str, category: str) -> dict[str, 
     run = next((r for r in likely if _shows(r, kind)), likely[0])
     w = run_experiment(run, draw)
     record = run_scheme(OURS, w)
-    first = max(int((run.onset_s - 20.0) / 0.048), 0)
-    part = slice(first, min(first + int(60.0 / 0.048), len(w.t_s)))
+    first = max(int((run.onset_s - 20.0) / WAN_SAMPLE_S), 0)
+    part = slice(first, min(first + int(60.0 / WAN_SAMPLE_S), len(w.t_s)))
     step = max(1, (part.stop - part.start) // EXAMPLE_POINTS)
     keep = np.arange(part.start, part.stop, step)
     deg, kt = UNITS

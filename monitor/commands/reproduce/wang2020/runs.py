@@ -73,7 +73,7 @@ VARIED: Final = _varied()
 def jobs(scope: Scope) -> list[Job]:
     """Runs in three kinds of noise, units, settings, and the run that is shown."""
     count = QUICK_RUNS if scope.quick else wang2020_scenario().runs
-    first = 10_000 * scope.seed
+    first = scope.drawn(0)
     made = []
     for law in NOISE_LAWS:
         methods = list(METHODS if law == "gaussian" else ELSEWHERE)
