@@ -110,7 +110,7 @@ class WingSettings(Section):
     period_s: float = Field(0.5, ge=0.2, description="Time between two estimates [s].")
     window: int = Field(50, ge=5, le=400, description="Rows of the moving horizon, count.")
     growth_percent: float = Field(
-        3.0, gt=0, description="lambda: mean growth of a fault from row to row [%]."
+        6.0, gt=0, description="lambda: mean growth of a fault from row to row [%]."
     )
     carried_std_percent: float = Field(
         1.0, gt=0, description="Deviation of a window's first point from the window before [%]."
@@ -129,20 +129,20 @@ class WingSettings(Section):
         3.0,
         gt=0,
         description="A wing that has lost so much more lift than the other is damaged [%]. Healthy "
-        "flights with coefficients 15 % off reach 1.7.",
+        "flights with the right coefficients reach 1.4.",
     )
     drag_percent: float = Field(
-        7.0,
+        7.3,
         gt=0,
         description="A wing that has so much more drag than the other is damaged [%]. Healthy "
-        "flights with coefficients 15 % off reach 2.5.",
+        "flights with the right coefficients reach 7.2, by the accelerometer's bias.",
     )
     lift_sigmas: float = Field(
         2.9,
         ge=0,
         description="And the difference in lift must exceed so many of its own deviations, those "
         "from wrong coefficients included. An airframe learnt from flights has instead of these "
-        "twice the largest difference that its healthy flights showed.",
+        "2 % more than the largest difference that its healthy flights showed.",
     )
     drag_sigmas: float = Field(1.2, ge=0, description="The same of drag.")
     confirm_s: float = Field(0.0, ge=0, description="For so long [s].")

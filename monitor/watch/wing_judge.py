@@ -31,8 +31,9 @@ REMEMBERED = 240
 """Rows of estimates in which that moment is looked for, count."""
 STEP_PERCENT_S = 0.8
 """A difference that grew faster than this did not creep up [%/s]."""
-LEARNT_MARGIN = 2.0
-"""Times the largest difference of the healthy flights that an airframe was learnt from."""
+LEARNT_MARGIN_PERCENT = 2.0
+"""Over the largest difference of the healthy flights that an airframe was learnt from: a few
+flights do not show the largest there is."""
 CONTRADICTION = "accelerometers and velocity contradict one another"
 ESTIMATOR = "wing_stream"
 
@@ -115,7 +116,7 @@ class WingJudge:
         if learnt is None:
             limit = max(self._limit[i], sigmas * std)
         else:
-            limit = max(self._limit[i], sigmas * known[0], LEARNT_MARGIN * learnt)
+            limit = max(self._limit[i], sigmas * known[0], learnt + LEARNT_MARGIN_PERCENT)
         self._past[i].append((t_s, apart))
         if self._damaged[i]:
             self._clear(i, t_s, apart)
