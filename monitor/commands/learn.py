@@ -210,7 +210,7 @@ def _show_airframe(learnt: AirframeLearnt, out: Path) -> None:
         f"{drag:.1f} %",
         soft_wrap=True,
     )
-    screen.print(f'wrote {out}: use it with [wing] airframe = "{out}"', soft_wrap=True)
+    screen.print(f'wrote {out}: use it with \\[wing] airframe = "{out}"', soft_wrap=True)
 
 
 def _show_engine(learnt: EngineLearnt, out: Path) -> None:
