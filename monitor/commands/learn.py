@@ -204,7 +204,7 @@ def _show_airframe(learnt: AirframeLearnt, out: Path) -> None:
         screen.print(f"  {name}: {was:g} -> {now:.4g}")
     kept = ", ".join(fit.kept) or "none"
     screen.print(f"not identified, kept: {kept}", soft_wrap=True)
-    lift, drag = learnt.healthy_percent
+    lift, drag = (max(learnt.healthy_percent[i::2]) for i in range(2))
     screen.print(
         f"largest difference between the wings in these flights: lift {lift:.1f} %, drag "
         f"{drag:.1f} %",

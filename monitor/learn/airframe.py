@@ -62,14 +62,14 @@ class AirframeLearnt:
     ----------
     start, fit
     healthy_percent
-        Largest differences between the wings, lift and drag, in the flights with it.
+        Largest excess of each wing over the other, in the order of the faults, in the flights.
     flights, seconds
         Names of the logs, and how long they flew in all [s].
     """
 
     start: KnownAirframe
     fit: AirframeFit
-    healthy_percent: tuple[float, float]
+    healthy_percent: tuple[float, ...]
     flights: tuple[str, ...]
     seconds: float
 
@@ -161,16 +161,16 @@ def learn_airframe(flights: Sequence[AirframeFlight], settings: Settings) -> Air
         fit = fit_airframe(start.airframe, tuning, [(one.t_s, one.x) for one in flights])
     except ValueError as error:
         raise Unfit(str(error)) from None
-    apart = np.zeros(2)
+    apart = np.zeros(4)
     for one in flights:
         refined = wing_tuning(settings.wing, tuple(fit.std.tolist()))
         f = WingStream(fit.airframe, refined).run(one.t_s, one.x, one.acc).f
         if len(f):
-            apart = np.maximum(apart, np.abs(f[:, :2] - f[:, 2:]).max(axis=0))
+            apart = np.maximum(apart, (f - f[:, [2, 3, 0, 1]]).max(axis=0))
     return AirframeLearnt(
         start,
         fit,
-        (float(apart[0]), float(apart[1])),
+        tuple(apart.tolist()),
         tuple(one.name for one in flights),
         sum(len(one.t_s) for one in flights) * settings.wing.tick_s,
     )
@@ -195,6 +195,6 @@ def airframe_document(learnt: AirframeLearnt, name: str) -> str:
         said = f"was {was:g}" if n in fit.identified else "not identified"
         lines.append(f"{n} = {getattr(fit.airframe, n):.6g}  # {said}")
         lines.append(f"{n}_std = {std:.3g}")
-    lines += ["", "[healthy]", "# Largest differences between the wings in these flights, %."]
+    lines += ["", "[healthy]", "# Largest excess of each wing over the other in these flights, %."]
     lines += [f"{k} = {v:.3g}" for k, v in zip(LEARNT_KEYS, learnt.healthy_percent, strict=True)]
     return "\n".join(lines) + "\n"

@@ -7,7 +7,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from estimators.wing_model import AERODYNAMIC, Airframe
+from estimators.wing_model import AERODYNAMIC, FAULTS, Airframe
 from links.airframes import AirframeError, load_airframe
 from monitor.settings.base import Section
 
@@ -142,7 +142,7 @@ class WingSettings(Section):
         ge=0,
         description="And the difference in lift must exceed so many of its own deviations, those "
         "from wrong coefficients included. An airframe learnt from flights has instead of these "
-        "2 % more than the largest difference that its healthy flights showed.",
+        "2 % more than the largest excess of this wing that its healthy flights showed.",
     )
     drag_sigmas: float = Field(1.2, ge=0, description="The same of drag.")
     confirm_s: float = Field(0.0, ge=0, description="For so long [s].")
@@ -168,16 +168,16 @@ class KnownAirframe:
     std
         Deviation of each number: coefficients have one, mass and geometry are known.
     learnt_percent
-        Largest differences between the wings, lift and drag, in the healthy flights that it was
-        learnt from; None where it was not.
+        Largest excess of each wing over the other, in the order of the faults, in the healthy
+        flights that it was learnt from; None where it was not.
     """
 
     airframe: Airframe
     std: tuple[float, ...]
-    learnt_percent: tuple[float | None, float | None]
+    learnt_percent: tuple[float | None, ...]
 
 
-LEARNT_KEYS = ("healthy_lift_percent", "healthy_drag_percent")
+LEARNT_KEYS = tuple(f"healthy_{fault.replace('.', '_')}_percent" for fault in FAULTS)
 
 
 def airframe_of(settings: WingSettings) -> KnownAirframe:
@@ -194,7 +194,7 @@ def airframe_of(settings: WingSettings) -> KnownAirframe:
     try:
         numbers = load_airframe(settings.airframe)
         own = {n: numbers.pop(f"{n}_std") for n in AERODYNAMIC if f"{n}_std" in numbers}
-        lift, drag = (numbers.pop(key, None) for key in LEARNT_KEYS)
+        learnt = tuple(numbers.pop(key, None) for key in LEARNT_KEYS)
         airframe = Airframe.of(numbers)
     except AirframeError:
         raise
@@ -204,4 +204,4 @@ def airframe_of(settings: WingSettings) -> KnownAirframe:
     for name in (field.name for field in fields(Airframe)):
         share = settings.coefficient_share if name in AERODYNAMIC else 0.0
         std.append(abs(own.get(name, share * getattr(airframe, name))))
-    return KnownAirframe(airframe, tuple(std), (lift, drag))
+    return KnownAirframe(airframe, tuple(std), learnt)

@@ -61,7 +61,7 @@ class WingWatch:
         self._settings = settings
         self._known = airframe_of(settings) if settings.airframe else None
         self._inputs = WingInputs(settings)
-        learnt = self._known.learnt_percent if self._known is not None else (None, None)
+        learnt = self._known.learnt_percent if self._known is not None else (None,) * 4
         self._judge = WingJudge(settings, learnt)
         self._stream: WingStream | None = None
         self._epoch_us: int | None = None

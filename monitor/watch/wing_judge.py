@@ -45,12 +45,12 @@ class WingJudge:
     ----------
     settings
     learnt
-        Largest differences in lift and drag that healthy flights of this airframe showed [%]; None
-        where none were learnt from.
+        Largest excess of each wing over the other that healthy flights of this airframe showed [%];
+        None where none were learnt from.
     """
 
     def __init__(
-        self, settings: WingSettings, learnt: tuple[float | None, float | None] = (None, None)
+        self, settings: WingSettings, learnt: tuple[float | None, ...] = (None,) * 4
     ) -> None:
         s = settings
         self._learnt = learnt
@@ -111,7 +111,7 @@ class WingJudge:
     ) -> list[Verdict]:
         """One fault at one row: its excess over the other wing's, and the deviations of that."""
         std = hypot(*known)
-        learnt = self._learnt[i % 2]
+        learnt = self._learnt[i]
         sigmas = self._sigmas[i % 2]
         if learnt is None:
             limit = max(self._limit[i], sigmas * std)

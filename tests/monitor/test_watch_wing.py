@@ -191,7 +191,7 @@ def test_deviations_of_the_file_count() -> None:
     known = airframe_of(settings(coefficient_share=0.1))
     assert known.std[0] == 0.0  # mass
     assert max(known.std) == pytest.approx(3.821)  # Cmq
-    assert known.learnt_percent == (None, None)
+    assert known.learnt_percent == (None,) * 4
 
 
 def test_what_is_published() -> None:
