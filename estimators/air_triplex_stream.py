@@ -6,7 +6,7 @@ symbol       meaning                                                            
 event        (time, code, instance, values): one row of one stream               s
 stage        everything that arrived within one tenth of a second
 dV           strapdown velocity gained in the stage                              m/s
-W_ref        wind remembered while the sensors of a kind agree                   m/s
+memory       the wind while all agree: :mod:`estimators.air_memory`
 ===========  ==================================================================  ==========
 
 The kernel keeps all state in the arrays of :class:`Stream`; it decides at stage boundaries, which
@@ -21,6 +21,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.air_memory import (
+    HISTORY,
+    WindMemory,
+    forget,
+    new_memory,
+    remember,
+    restore,
+    wind_at,
+)
 from estimators.air_mhe_3d import (
     ALPHA,
     CAS,
@@ -42,7 +51,6 @@ from estimators.air_vote_record import STAGE_S, VoteLimits, Votes, new_votes
 from estimators.atmosphere import P0_PA, altitude_from_pressure, temperature
 from estimators.attitude import dcm_from_quaternion
 from estimators.jit import kernel
-from estimators.wind_memory import roll_back
 
 __all__ = [
     "EV_AOA",
@@ -73,14 +81,12 @@ GRAVITY = 9.80665
 MEAN_WIND_S = 20.0
 """The published wind is the mean over this: gusts of a few seconds are not wind."""
 FRESH_STAGES = 10.0
-HISTORY = 1200
-"""Stages of wind that are kept (120 s)."""
 
 # slots of the clock array
 (
     C_NEXT, C_FLYING, C_ATT, C_IMU, C_GPS_NEW, C_GPS_T, C_NAV_T, C_NAV_NEW, C_RUNNING, C_COUNT,
-    C_EMIT, C_LAST, C_DOUBT, C_AGREED,
-) = range(14)  # fmt: skip
+    C_EMIT, C_LAST, C_DOUBT,
+) = range(13)  # fmt: skip
 
 
 class StreamLimits(NamedTuple):
@@ -121,16 +127,15 @@ class Stream(NamedTuple):
     air: Array  # (2,)
     sums: Array  # (2, 3, 2): readings of the stage and their number
     last: Array  # (2, 3, 2): last raw reading, and the time it last changed
-    wind: Array  # (3, HISTORY)
-    W_ref: Array  # (3,)
+    memory: WindMemory
 
 
 def new_stream() -> Stream:
     """A stream before its first row."""
     z = np.zeros
     s = Stream(
-        new_horizon(N_HORIZON), new_votes(), np.full(14, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
-        z(2), z((2, 3, 2)), z((2, 3, 2)), z((3, HISTORY)), z(3),
+        new_horizon(N_HORIZON), new_votes(), np.full(13, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
+        z(2), z((2, 3, 2)), z((2, 3, 2)), new_memory(),
     )  # fmt: skip
     s.clock[C_NEXT] = np.nan
     s.clock[C_FLYING] = s.clock[C_RUNNING] = s.clock[C_COUNT] = 0.0
@@ -147,12 +152,25 @@ def _remembered(s: Stream, R_bn: Array, out: Array, h: Array, C: Array) -> bool:
     x = np.empty(N3)
     for a in range(3):
         x[a] = s.horizon.x[newest, a]
-        x[3 + a] = s.W_ref[a]
+        x[3 + a] = wind_at(s.memory, a, s.clock[C_COUNT])
     x[OFFSET] = s.horizon.x[newest, OFFSET]
     known = air_outputs(x, R_bn, s.air, h, C)
     out[0] = h[ALPHA]
     out[1] = h[CAS]
     return known
+
+
+@kernel
+def _asked(s: Stream, p: TriplexParams, apart: float, cas: float, out: Array) -> None:
+    """Horizontal wind (2,) that would explain a CAS by ``apart`` above the remembered one's."""
+    x = s.horizon.x[s.horizon.x.shape[0] - 1]
+    north, east = x[0] - x[3], x[1] - x[4]
+    limit = p.votes.common_cas_m_s
+    tas_per_cas = math.hypot(north, east) / max(cas, 1.0)
+    change = -min(max(apart, -limit), limit) * tas_per_cas
+    tas = max(math.hypot(north, east), 1.0)
+    out[0] = change * north / tas
+    out[1] = change * east / tas
 
 
 @kernel
@@ -194,7 +212,7 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
     if flying and fresh:
         if clock[C_RUNNING] == 0.0:
             start(z, p.wind, s.velocity[0], R_bn, s.air)
-            fill(s.W_ref, 0.0)
+            forget(s.memory)
             clock[C_RUNNING] = 1.0
             clock[C_COUNT] = 0.0
             clock[C_DOUBT] = -1e9
@@ -239,31 +257,14 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
         k = int(clock[C_COUNT])
         emptied = v.lost[1] > 0.0 and lost_before == 0.0
         if emptied or v.turned[1] == 1.0:
-            # no pitot is left, or none that was believed: the wind returns to before the onset
-            if emptied and k > 20:
-                for a in range(2):
-                    s.W_ref[a] = roll_back(
-                        s.wind[a], (k - 1) % HISTORY, min(k, HISTORY), STAGE_S,
-                        p.wind.bound_m_s, int(q.change_base_s / STAGE_S), q.change_m_s,
-                    )  # fmt: skip
-            # what was estimated since all agreed was the culprits' wind: no band may rest on it
-            for i in range(max(int(clock[C_AGREED]) - 10, k - HISTORY, 0), k):
-                for a in range(2):
-                    s.wind[a, i % HISTORY] = s.W_ref[a]
-            for i in range(newest + 1):
-                for a in range(3, 5):
-                    z.x[i, a] = s.W_ref[a - 3]
-            for a in range(3, 5):
-                z.x_prior[a] = s.W_ref[a - 3]
-                for b in range(N3):
-                    z.P[a, b] = 0.0
-                    z.P[b, a] = 0.0
-                z.P[a, a] = p.votes.gust_m_s**2
-            for i in range(newest + 1):
-                z.use[i, CAS] = 0.0
-                if i < newest:
-                    z.u[i, 3] = 0.0
-                    z.u[i, 4] = 0.0
+            # no pitot is left, or none that was believed
+            asked = np.zeros(2)
+            if fused[1, 1] == 1.0:
+                _asked(s, p, fused[1, 0] - remembered[1], predicted[1], asked)
+            restore(
+                s.memory, z, k, not emptied, asked, p.wind.bound_m_s,
+                int(q.change_base_s / STAGE_S), q.change_m_s, p.votes.gust_m_s,
+            )  # fmt: skip
         y = z.y[newest]
         use = z.use[newest]
         if clock[C_GPS_NEW] == 1.0:
@@ -286,17 +287,13 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
         if k > base + 50:
             old = (k - base) % HISTORY
             for a in range(3):
-                centre[a] = s.wind[a, old]
+                centre[a] = s.memory.wind[a, old]
                 band[a] = q.change_m_s if a < 2 else q.change_down_m_s
         solve(z, p.wind, centre, band, v.lost[1] == 0.0)
         for a in range(3):
-            s.wind[a, k % HISTORY] = z.x[newest, 3 + a]
-        if k > 10 and spread[0] < 0.5 and spread[1] < 0.5 and v.lost[1] == 0.0:
-            # what all agreed on a second ago; at first as it comes
-            clock[C_AGREED] = k
-            for a in range(3):
-                gain = 1.0 / min(k - 9.0, 20.0)
-                s.W_ref[a] += gain * (s.wind[a, (k - 10) % HISTORY] - s.W_ref[a])
+            s.memory.wind[a, k % HISTORY] = z.x[newest, 3 + a]
+        if spread[0] < 0.5 and spread[1] < 0.5 and v.lost[1] == 0.0:
+            remember(s.memory, k, q.change_m_s, q.change_down_m_s)
         clock[C_COUNT] += 1.0
     fill(s.dV, 0.0)
     clock[C_GPS_NEW] = 0.0
@@ -311,7 +308,7 @@ def _mean_wind(s: Stream, a: int) -> tuple[float, float]:
     n = min(k - 10, int(MEAN_WIND_S / STAGE_S))
     mean, square = 0.0, 0.0
     for i in range(1, n + 1):
-        W = s.wind[a, (k - i) % HISTORY]
+        W = s.memory.wind[a, (k - i) % HISTORY]
         mean += W / n
         square += W * W / n
     return mean, max(square - mean * mean, 0.0)

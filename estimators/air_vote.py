@@ -17,7 +17,8 @@ Channel 0 is the angle of attack [rad], channel 1 the calibrated airspeed [m/s].
 of :mod:`estimators.triplex` with three differences that a turning aircraft asks for: sensors of one
 kind are compared with each other first (gusts and manoeuvres are common to them, so the threshold
 can be ten times closer than against a model); offsets and scales are learnt while all agree; and
-every threshold follows the rms that was learnt while all was well, within bounds.
+every threshold follows the rms that was learnt while all was well, within bounds. Two against the
+third are not believed when both jumped, or stand still (:mod:`estimators.air_vote_signs`).
 
 A stage is a tenth of a second of vehicle time. Whatever is counted is counted in stages.
 """
@@ -59,6 +60,15 @@ from estimators.air_vote_record import (
     mean_rms,
     raised,
     write,
+)
+from estimators.air_vote_signs import (
+    JUMPED,
+    OTHERS,
+    believe_the_rest,
+    has_no_vote,
+    learn_usual,
+    note,
+    who_jumped,
 )
 from estimators.jit import kernel
 
@@ -142,6 +152,7 @@ def judge(
     now = int(z.counters[0])
     z.counters[0] += 1.0
     z.counters[1] = z.counters[1] + 1.0 if flying else 0.0
+    z.counters[2] = z.counters[2] + 1.0 if model else 0.0
     learning = z.counters[1] * STAGE_S < p.learn_s
     slot = now % SHORT
     c = np.empty(3)
@@ -192,6 +203,8 @@ def judge(
         worst = 0.0
         n_quiet = 0
         for i in range(3):
+            z.ring_m[ch, i, now % LONG] = c[i] - remembered[ch] if model else 0.0
+            note(z, ch, i, now, learning)
             if T[i] == 0.0:
                 continue
             if n_T == 3:
@@ -201,7 +214,6 @@ def judge(
             else:
                 r = c[i] - predicted[ch] if model else 0.0
             z.ring_r[ch, i, now % LONG] = r
-            z.ring_m[ch, i, now % LONG] = c[i] - remembered[ch] if model else 0.0
             count = min(now + 1, SHORT)
             m[i], J[i] = mean_rms(z.ring_r[ch, i], now, count)
             _, M[i] = mean_rms(z.ring_m[ch, i], now, count)
@@ -222,6 +234,7 @@ def judge(
         spread[ch] = worst if n_T > 1 else 0.0
 
         # a reading that stands still while the others move
+        n_all = n_T
         for i in range(3):
             if z.same[ch, i] == 0.0 or z.age[ch, i] > SHORT:
                 z.same_low[ch, i] = np.inf
@@ -237,20 +250,22 @@ def judge(
                     others /= n_others
                     z.same_low[ch, i] = min(z.same_low[ch, i], others)
                     z.same_high[ch, i] = max(z.same_high[ch, i], others)
-                moved = z.same_high[ch, i] - z.same_low[ch, i]
-                if (
-                    T[i] == 1.0
-                    and not learning
-                    and z.same[ch, i] >= p.constant_s
-                    and n_others > 0
-                    and moved > 0.35 * floor
-                ):
+                moved = n_others > 0 and z.same_high[ch, i] - z.same_low[ch, i] > 0.35 * floor
+                if n_others == 0 and has_no_vote(z, ch, i):
+                    # no trusted one moves: one that is not trusted will do
+                    for j in range(3):
+                        if z.age[ch, j] <= SHORT and z.latched[ch, j] == 1.0:
+                            moved = moved or not has_no_vote(z, ch, j)
+                if T[i] == 1.0 and not learning and z.same[ch, i] >= p.constant_s and moved:
                     row = convict(
                         log, row, z, t_s, ch, i, z.ring_r[ch, i], now, z.same[ch, i], p.constant_s,
                         CONSTANT,
                     )  # fmt: skip
                     T[i] = 0.0
                     n_T -= 1
+
+        # two that stood still were the majority
+        turned = n_all == 3 and n_T == 1
 
         confirmed = np.zeros(3)
         n_confirmed = 0
@@ -261,7 +276,6 @@ def judge(
 
         # the votes
         n_before = n_T
-        turned = False
         if not learning and n_T == 3 and n_confirmed > 0:
             z.split[ch] += 1.0
             waited = z.split[ch] * STAGE_S > p.vote_wait_s
@@ -269,15 +283,23 @@ def judge(
                 if confirmed[i] == 0.0 or T[i] == 0.0:
                     continue
                 llr = (M[i] * M[i] - M_mid * M_mid) / (2.0 * sigma2) if model else 1.0
+                silent = 0
+                for j in range(3):
+                    if j != i and has_no_vote(z, ch, j):
+                        silent += 1
+                jumped = who_jumped(z, ch, i, T, floor)
                 if n_confirmed > 1 and model and llr < 0.0:
                     continue
-                if llr > 1.0 or (waited and llr > -p.block_margin) or not model:
+                if silent == 2 and jumped != OTHERS:
+                    continue
+                wrong = llr > 1.0 or (waited and llr > -p.block_margin) or not model
+                if jumped == JUMPED or (wrong and jumped != OTHERS):
                     row = convict(
                         log, row, z, t_s, ch, i, z.ring_r[ch, i], now, out[i] * floor, floor, VOTE
                     )
                     T[i] = 0.0
                     n_T -= 1
-                elif llr < -p.majority_margin:
+                elif llr < -p.majority_margin or (jumped == OTHERS and not has_no_vote(z, ch, i)):
                     turned = True
                     for j in range(3):
                         if j != i and T[j] == 1.0:
@@ -328,11 +350,7 @@ def judge(
         if n_T < n_before:
             z.split[ch] = 0.0
         if turned:
-            # what was fused until now was the culprits': it says nothing of the one that is left
-            z.ring_e[ch, :] = 0.0
-            z.ring_fused[ch, :] = 0.0
-            lower(z.flags[ch, 3])
-            z.turned[ch] = 1.0
+            believe_the_rest(z, ch)
 
         # all of them against the bounded wind
         n_good = 0
@@ -378,6 +396,7 @@ def judge(
             if J_e < 0.5 * limit_e:
                 z.var_e[ch] += gain * (J_e * J_e - z.var_e[ch])
             if n_T > 1 and worst < 0.5:
+                learn_usual(z, ch, now)
                 z.gust[ch] += gain * (M_mid * M_mid - z.gust[ch])
         if n_T > 1 and (n_quiet >= n_T or learning):
             total = 0.0

@@ -107,7 +107,11 @@ class Votes(NamedTuple):
     split: Array  # (2,): stages that a pair has disagreed
     lost: Array  # (2,): stages since no sensor of the channel was left
     turned: Array  # (2,): 1 in the stage in which the majority was found to be wrong
-    counters: Array  # [stages, stages flying, flying]
+    jump: Array  # (2, 3): see estimators.air_vote_signs
+    run: Array  # (2, 3)
+    longest: Array  # (2, 3)
+    leap: Array  # (2,): variance of the usual leap
+    counters: Array  # [stages, stages flying, stages with a model]
 
 
 def new_votes() -> Votes:
@@ -116,7 +120,7 @@ def new_votes() -> Votes:
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Votes._fields, sensors)
     shapes |= dict.fromkeys(("ring_r", "ring_m"), (2, 3, LONG))
     shapes |= dict.fromkeys(("ring_fused", "ring_e"), (2, LONG))
-    shapes |= dict.fromkeys(("var_e", "gust", "split", "lost", "turned"), (2,))
+    shapes |= dict.fromkeys(("var_e", "gust", "split", "lost", "turned", "leap"), (2,))
     shapes |= {"flags": (2, 4, SHORT), "counters": (3,)}
     votes = Votes(**{name: np.zeros(shape) for name, shape in shapes.items()})
     votes.age[:] = 1e9

@@ -163,9 +163,11 @@ def begin_along_heading(
 
 @kernel
 def grow(f: Array, q: float, dt_s: float) -> None:
-    """P += q dt, bounded."""
-    f[P_NN] = min(f[P_NN] + q * dt_s, VARIANCE_MAX)
-    f[P_EE] = min(f[P_EE] + q * dt_s, VARIANCE_MAX)
+    """P += q dt, its variances bounded with their correlation kept."""
+    nn, ee = f[P_NN] + q * dt_s, f[P_EE] + q * dt_s
+    f[P_NN], f[P_EE] = min(nn, VARIANCE_MAX), min(ee, VARIANCE_MAX)
+    if nn > VARIANCE_MAX or ee > VARIANCE_MAX:
+        f[P_NE] *= sqrt((f[P_NN] / nn) * (f[P_EE] / ee))
 
 
 @kernel

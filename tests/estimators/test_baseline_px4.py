@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from estimators.baselines import autopilot_events as events
 from estimators.baselines import px4
 from estimators.baselines.px4 import AIRSPEED_DEFAULTS, IMUS, PX4Airspeed, PX4ImuSelector
 from tests.estimators.autopilot_flights import SPEED_M_S, off_by, straight
@@ -120,3 +121,20 @@ def test_any_split_of_the_stream_says_the_same() -> None:
     edges = [0, 1, 7, 12_000, 12_002, 30_001, len(events[0])]
     parts = [selector.step(*(e[a:b] for e in events)) for a, b in pairwise(edges)]
     np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+@pytest.mark.parametrize("tas", [20.0, 120.0, 240.0])
+def test_the_winds_covariance_stays_definite_at_any_speed(tas: float) -> None:
+    """A fast aircraft begins with more doubt than the bound on its wind's variance allows."""
+    f = events.new_wind()
+    V = np.array([0.6 * tas, 0.8 * tas, 0.0])
+    events.begin_along_heading(f, V, tas, np.arctan2(0.8, 0.6), 2.0, (0.3 * tas) ** 2)
+    for _ in range(20):
+        events.grow(f, 0.01, 0.1)
+        P = np.array([[f[events.P_NN], f[events.P_NE]], [f[events.P_NE], f[events.P_EE]]])
+        assert np.linalg.eigvalsh(P).min() > 0.0
+        assert np.diag(P).max() <= events.VARIANCE_MAX
+        nu, S, passed = events.fuse_airspeed(f, V, tas, 2.0, 0.02, 4.0, True)
+        assert passed
+        assert S > 0.0
+        assert abs(nu) < 1.0
