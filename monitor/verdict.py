@@ -21,9 +21,9 @@ __all__ = [
     "ENGINE_ESTIMATE",
     "IMU_ESTIMATE",
     "PHASE_ROW",
+    "WING_ESTIMATE",
     "StepResult",
     "Tap",
-    "WING_ESTIMATE",
     "Verdict",
     "Watch",
 ]

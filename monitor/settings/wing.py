@@ -18,11 +18,11 @@ class SurfaceSettings(Section):
     """A control surface and the servo output that moves it."""
 
     channel: int = Field(ge=1, le=16, description="Servo output.")
-    trim_us: float | None = Field(
-        None,
-        ge=500,
+    trim_us: float = Field(
+        0.0,
+        ge=0,
         le=2500,
-        description="Pulse at which the surface is at zero [us]; unset: SERVOn_TRIM where that "
+        description="Pulse at which the surface is at zero [us]; 0: SERVOn_TRIM where that "
         "parameter was heard, else 1500.",
     )
     travel_us: float = Field(
@@ -38,6 +38,24 @@ class SurfaceSettings(Section):
     )
 
 
+class ElevatorSettings(SurfaceSettings):
+    """The elevator's servo output."""
+
+    channel: int = Field(2, ge=1, le=16, description="Servo output.")
+
+
+class AileronSettings(SurfaceSettings):
+    """The ailerons' servo output."""
+
+    channel: int = Field(1, ge=1, le=16, description="Servo output.")
+
+
+class RudderSettings(SurfaceSettings):
+    """The rudder's servo output."""
+
+    channel: int = Field(4, ge=1, le=16, description="Servo output.")
+
+
 class WingSettings(Section):
     """What is known of the aircraft, and what is asked before a wing is called damaged.
 
@@ -48,9 +66,9 @@ class WingSettings(Section):
         "",
         description="Bundled name (aerosonde) or TOML file of coefficients; empty: none is known.",
     )
-    elevator: SurfaceSettings = SurfaceSettings(channel=2)
-    aileron: SurfaceSettings = SurfaceSettings(channel=1)
-    rudder: SurfaceSettings = SurfaceSettings(channel=4)
+    elevator: ElevatorSettings = ElevatorSettings()
+    aileron: AileronSettings = AileronSettings()
+    rudder: RudderSettings = RudderSettings()
     throttle_channel: int = Field(3, ge=1, le=16, description="Servo output of the throttle.")
     thrust_from: Literal["rpm", "throttle", "auto"] = Field(
         "auto", description="Source of the propeller's speed; auto: rpm where it comes."

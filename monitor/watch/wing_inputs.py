@@ -210,9 +210,7 @@ class WingInputs:
         self._tracks["servo"].add((new["t_us"] - epoch_us) * 1e-6, y)
 
     def _deflection(self, pwm: Array, surface: SurfaceSettings) -> Array:
-        trim = surface.trim_us
-        if trim is None:
-            trim = self._trims.get(surface.channel, 1500.0)
+        trim = surface.trim_us or self._trims.get(surface.channel, 1500.0)
         share = (pwm[:, surface.channel - 1] - trim) / surface.travel_us
         return (-1.0 if surface.reversed else 1.0) * radians(surface.travel_deg) * share
 

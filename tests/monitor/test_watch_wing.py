@@ -13,7 +13,7 @@ from links.vocabulary import Reason, State
 from monitor.publish import Publisher, masks
 from monitor.settings import Settings
 from monitor.settings.publish import PublishSettings
-from monitor.settings.wing import SurfaceSettings, WingSettings, airframe_of
+from monitor.settings.wing import WingSettings, airframe_of
 from monitor.verdict import PHASE_ROW, StepResult, Verdict
 from monitor.watch.wing import WingWatch
 from sim_feeds.sixdof import SixDofFlight, WingFault, fly_aerosonde
@@ -31,12 +31,8 @@ FAULTS = {
 SENSORS = {"wing_left.lift", "wing_left.drag", "wing_right.lift", "wing_right.drag"}
 
 
-def surface(channel: int) -> SurfaceSettings:
-    return SurfaceSettings(channel=channel, travel_deg=TRAVEL_DEG)
-
-
 def settings(airframe: str = "aerosonde", **other: object) -> WingSettings:
-    surfaces = {"elevator": surface(2), "aileron": surface(1), "rudder": surface(4)}
+    surfaces = {name: {"travel_deg": TRAVEL_DEG} for name in ("elevator", "aileron", "rudder")}
     return WingSettings.model_validate({"airframe": airframe, **surfaces, **other})
 
 
@@ -155,7 +151,7 @@ def test_reversed_servos_and_trims_are_undone() -> None:
     pwm = given["servo"]["pwm_us"].copy()
     pwm[:, 0] = 1530.0 - (pwm[:, 0] - 1500.0)
     given["servo"]["pwm_us"] = pwm
-    aileron = SurfaceSettings(channel=1, travel_deg=TRAVEL_DEG, reversed=True, trim_us=1530.0)
+    aileron = {"travel_deg": TRAVEL_DEG, "reversed": True, "trim_us": 1530.0}
     wing = run(given, settings(aileron=aileron)).estimates["wing"]
     plain = run(rows("left-lift")).estimates["wing"]
     np.testing.assert_allclose(wing["left_lift_percent"], plain["left_lift_percent"], atol=1e-6)
