@@ -20,7 +20,7 @@ from monitor.settings import Settings
 from monitor.verdict import PHASE_ROW
 from monitor.watch.air_bank import AirBankWatch
 
-__all__ = ["COMPILING", "made_up_flight", "warm_up"]
+__all__ = ["COMPILING", "made_up_flight", "numbered", "warm_up"]
 
 DURATION_S = 90.0
 FAULTS_FROM_S = 60.0
@@ -122,7 +122,7 @@ def made_up_flight(speed_m_s: float) -> Batch:
             r["speed_rpm"][late] = 0.0
         elif name == "heartbeat":
             r["vehicle_type"], r["autopilot"], r["armed"], r["system_status"] = 1, 3, True, 4
-    return Batch(_numbered(rows))
+    return Batch(numbered(rows))
 
 
 def circling(speed_m_s: float) -> dict[str, Rows]:
@@ -154,7 +154,7 @@ def circling(speed_m_s: float) -> dict[str, Rows]:
         else:
             r["cas_m_s"] = speed_m_s + 0.1 * random.standard_normal(len(r))
     rows["phase"] = np.array([(0, 0, True)], PHASE_ROW)
-    return _numbered(rows)
+    return numbered(rows)
 
 
 def _rows(sensor: str) -> Rows:
@@ -165,7 +165,7 @@ def _rows(sensor: str) -> Rows:
     return rows
 
 
-def _numbered(rows: dict[str, Rows]) -> dict[str, Rows]:
+def numbered(rows: dict[str, Rows]) -> dict[str, Rows]:
     """Arrival numbers over all sensors, in time order."""
     t_us = np.concatenate([r["t_us"] for r in rows.values()])
     numbers = np.empty(len(t_us), np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from estimators.wing_model import AERODYNAMIC, Airframe
 from estimators.wing_stream import WingStream
 from links.logs import open_log
 from links.samples import Batch, Rows
+from monitor.learn.reading import Progress, read
 from monitor.learn.thresholds import Unfit
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
@@ -97,7 +98,7 @@ class _Tap:
 
 
 def measure_airframe(
-    path: Path, settings: Settings, progress: Callable[[int, int], None] | None = None
+    path: Path, settings: Settings, progress: Progress | None = None
 ) -> AirframeFlight:
     """Read the wing watch's part of a log.
 
@@ -109,14 +110,7 @@ def measure_airframe(
         It does not fly with all inputs long enough; the message names what is missing.
     """
     log = open_log(path, settings.links.decoder_options())
-
-    def told() -> Iterator[Batch]:
-        for batch in log:
-            yield batch
-            if progress is not None:
-                progress(log.info.bytes_read, log.info.bytes)
-
-    return airframe_flight_of(told(), settings, path.name)
+    return airframe_flight_of(read(log, progress), settings, path.name)
 
 
 def airframe_flight_of(batches: Iterable[Batch], settings: Settings, name: str) -> AirframeFlight:

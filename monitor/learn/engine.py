@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from estimators.engine_fit import Fit, Record, fit_single_shaft
 from links.logs import open_log
 from links.samples import Batch, Rows
 from links.vocabulary import State
+from monitor.learn.reading import Progress, read
 from monitor.learn.thresholds import Unfit
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
@@ -89,7 +90,7 @@ class EngineLearnt:
 
 
 def measure_engine(
-    path: Path, settings: Settings, progress: Callable[[int, int], None] | None = None
+    path: Path, settings: Settings, progress: Progress | None = None
 ) -> EngineFlight:
     """Read the engine's part of a log.
 
@@ -101,14 +102,7 @@ def measure_engine(
         The engine watch finds a fault in it, or it does not fly with engine speeds long enough.
     """
     log = open_log(path, settings.links.decoder_options())
-
-    def told() -> Iterator[Batch]:
-        for batch in log:
-            yield batch
-            if progress is not None:
-                progress(log.info.bytes_read, log.info.bytes)
-
-    return flight_of(told(), settings, path.name)
+    return flight_of(read(log, progress), settings, path.name)
 
 
 def flight_of(batches: Iterable[Batch], settings: Settings, name: str) -> EngineFlight:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from links.samples import Batch
 from links.vocabulary import Reason, State
 from monitor import summary
 from monitor.learn.levels import LevelMeter
+from monitor.learn.reading import Progress, read
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.verdict import Verdict
@@ -124,9 +125,7 @@ def measure(batches: Iterable[Batch], settings: Settings, name: str = "") -> Fli
     return _measured(batches, settings, name)[0]
 
 
-def measure_log(
-    path: Path, settings: Settings, progress: Callable[[int, int], None] | None = None
-) -> Flight:
+def measure_log(path: Path, settings: Settings, progress: Progress | None = None) -> Flight:
     """Run the pipeline over a log file.
 
     Parameters
@@ -140,14 +139,7 @@ def measure_log(
         The file cannot be read as a log.
     """
     log = open_log(path, settings.links.decoder_options())
-
-    def told() -> Iterator[Batch]:
-        for batch in log:
-            yield batch
-            if progress is not None:
-                progress(log.info.bytes_read, log.info.bytes)
-
-    flight, first_us = _measured(told(), settings, path.name)
+    flight, first_us = _measured(read(log, progress), settings, path.name)
     before_s = (first_us - log.info.first_t_us) / 1e6
     return replace(
         flight,

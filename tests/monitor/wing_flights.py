@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from estimators.attitude import quaternion_from_euler
 from links.samples import Batch, Rows, empty_rows
+from monitor.warmup import numbered
 from sim_feeds.sixdof import SixDofFlight
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ def rows_of(flight: SixDofFlight, *, seed: int = 0, noise: float = 1.0) -> Batch
         rows["servo"]["pwm_us"][:, channel] = np.round(at("servo", pulse))
     rpm = at("spool0", flight.prop_rad_s * 30.0 / pi)
     rows["spool0"]["speed_rpm"] = rpm * (1.0 + white("spool0", RPM_SHARE))
-    return Batch(_numbered(rows))
+    return Batch(numbered(rows))
 
 
 def _rows(flight: SixDofFlight, name: str, rate_hz: float) -> Rows:
@@ -95,15 +96,3 @@ def _slow(rng: np.random.Generator, t: Array, std: float, tau: float) -> Array:
         value = keep[k] * value + std * np.sqrt(1.0 - keep[k] ** 2) * draw
         out[k] = value
     return out
-
-
-def _numbered(rows: dict[str, Rows]) -> dict[str, Rows]:
-    """Arrival numbers over all sensors, in time order."""
-    t_us = np.concatenate([r["t_us"] for r in rows.values()])
-    numbers = np.empty(len(t_us), np.int64)
-    numbers[np.argsort(t_us, kind="stable")] = np.arange(len(t_us))
-    at = 0
-    for r in rows.values():
-        r["seq"] = numbers[at : at + len(r)]
-        at += len(r)
-    return rows
