@@ -51,7 +51,10 @@ def wandering_pitot(seed: int, scaled: float = 1.0) -> Batch:
 def restless_imu(seed: int, faults: Sequence[dict[str, Any]] = ()) -> Batch:
     """Four and a half minutes with accelerometers whose bias walks by 0.2 m/s^2 in 100 s."""
     base = imu_flights.scenario("small-uav", seed=seed)
-    table = base.model_dump() | {"leg": [*base.leg, *base.leg], "start": base.start}
+    table = base.model_dump(exclude={"circuit", "rpm"}) | {
+        "leg": [*base.leg, *base.leg],
+        "start": base.start,
+    }
     table["imu"]["acc_walk_m_s2"] = 0.02
     scenario = Scenario.model_validate(table | {"fault": list(faults)})
     rows = imu_flights.rows_of(scenario.fly())

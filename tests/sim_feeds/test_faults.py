@@ -6,6 +6,7 @@ import pytest
 from links.vocabulary import Kind
 from sim_feeds import earth
 from sim_feeds.faults import (
+    DRAWN,
     KNOT_M_S,
     PLUMBING,
     Fault,
@@ -60,7 +61,8 @@ def test_noise_has_its_size_and_stays_inside():
 
 
 def test_every_kind_is_covered_and_has_a_word_in_the_vocabulary():
-    assert set(SHAPES) | {FaultKind.NOISE, FaultKind.OUTAGE} | PLUMBING == set(FaultKind)
+    apart = {FaultKind.OUTAGE, FaultKind.STOP}
+    assert set(SHAPES) | DRAWN | apart | PLUMBING == set(FaultKind)
     assert all(isinstance(kind.seen_as, Kind) for kind in FaultKind)
 
 

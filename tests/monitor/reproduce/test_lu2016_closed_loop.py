@@ -49,8 +49,10 @@ def test_the_scenario_file_is_well_formed() -> None:
     names = [job.name for job in closed_loop.jobs(Scope())]
     assert len(names) == len(set(names)) == len(section.winds) * len(section.seeds)
     assert {job.name for job in closed_loop.jobs(QUICK)} <= set(names)
-    moved = closed_loop.jobs(Scope(seed=7))
-    assert [j.seed for j in moved] == [j.seed + 7 for j in closed_loop.jobs(Scope())]
+    other = Scope(seed=7)
+    moved = [job.seed for job in closed_loop.jobs(other)]
+    assert moved == [other.drawn(job.seed) for job in closed_loop.jobs(Scope())]
+    assert not set(moved) & {job.seed for job in closed_loop.jobs(Scope())}
 
 
 @pytest.mark.parametrize("name", [GROUND, EXACT, AIR])
