@@ -12,6 +12,7 @@ Symbols as in :mod:`estimators.imkf`.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ __all__ = ["BatchedTwin", "LoopTwin"]
 Array = NDArray[np.float64]
 
 
-class _Twin:
+class _Twin(ABC):
     """Prediction, prior, threshold and health: what the two forms have in common."""
 
     def __init__(self, model: LinearModel, settings: Settings, x: Array, P: Array) -> None:
@@ -65,11 +66,11 @@ class _Twin:
             seen = np.isfinite(y)
             self.h[seen] += ((self.w - self.h) * t.dt_s / s.memory_s)[seen]
 
+    @abstractmethod
     def _hypotheses(
         self, xm: Array, Pm: Array, y: Array, works: Array
     ) -> tuple[Array, Array, Array]:
         """xi, x and P under every hypothesis."""
-        raise NotImplementedError
 
 
 class LoopTwin(_Twin):
