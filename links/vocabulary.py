@@ -45,7 +45,6 @@ class Reason(StrEnum):
     REFERENCE_NOT_TRUSTED = "reference not trusted"
     MANOEUVRE = "manoeuvre beyond the model"
     SENSORS_DISAGREE = "sensors disagree, none can be told wrong"
-    NO_WATCH = "no watch for this sensor"
     NO_ENGINE_MODEL = "no engine model (mavsentry learn engine)"
     NO_AIRFRAME = "no airframe coefficients ([wing] airframe)"
     MUTED = "muted by the operator"

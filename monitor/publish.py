@@ -213,9 +213,9 @@ class Publisher:
                 out += self._air(row)
             elif name.startswith("imu"):
                 out += self._imu(int(name[3:]), row)
-            elif name == "engine":
+            elif self._settings.values_named and name == "engine":
                 out += self._engine(row)
-            elif name == "wing" and self._settings.values_named:
+            elif self._settings.values_named and name == "wing":
                 out += self._wing(row)
         return [m for m in out if self._has(m.name)]
 
@@ -270,8 +270,6 @@ class Publisher:
         return out
 
     def _engine(self, row: np.void) -> list[Message]:
-        if not self._settings.values_named:
-            return []
         t_us, speeds_rpm = int(row["t_us"]), row["speed_rpm"]
         return [
             _named(t_us, f"R_N{i + 1}", float(speed))
