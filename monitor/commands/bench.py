@@ -10,6 +10,7 @@ import json
 import math
 import tempfile
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,14 +30,18 @@ app.command("detect")(detect)
 app.command("against")(against)
 
 FLIGHT = "small-uav-healthy"
+SIXDOF = "aerosonde-healthy"
 LIVE_IMU_HZ = 200.0
+SETTLING_S = 60.0
+"""Time until all monitors of a live link are at work [s]."""
+
 NAMES = {
     "air": ("mhe_step_n3", "mhe_stage_n100_over_n10", "mhe_converged_n10"),
     "imu": ("atsekf_step",),
     "engine": ("imkf_step",),
     "wing": ("mhmap_n50", "mhmap_n200"),
     "links": ("decode_tlog", "decode_live", "udp_roundtrip"),
-    "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms"),
+    "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
 }
 """Module of ``monitor.commands.bench_cases`` -> what it measures."""
 
@@ -124,7 +129,14 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
     if set(wanted) & set(NAMES["whole"]):
         from monitor.commands.bench_cases import whole
 
-        cases += whole.cases(log, partial(_long_flight, folder, 60.0 * minutes), minutes)
+        seconds = 60.0 * minutes
+        sixdof = find_spec("jsbsim") is not None
+        cases += whole.cases(
+            log,
+            partial(_long_flight, folder, seconds),
+            partial(_sixdof_flight, folder, seconds) if sixdof else None,
+            minutes,
+        )
     return [case for case in cases if case.name in wanted]
 
 
@@ -152,6 +164,21 @@ def _long_flight(folder: Path, seconds: float) -> Path:
 
     file = folder / f"{FLIGHT}-{seconds:.0f}s.tlog"
     write_log(load(FLIGHT, override).fly(), file)
+    return file
+
+
+def _sixdof_flight(folder: Path, seconds: float) -> Path:
+    """The Aerosonde with IMUs at 200 Hz and three engine-speed sensors, two minutes at least."""
+    from monitor.commands.feed import write_log
+    from sim_feeds.scenario import load
+
+    def override(table: dict[str, Any]) -> None:
+        table["imu"]["rate_hz"] = LIVE_IMU_HZ
+        table["rpm"]["count"] = 3
+        table["circuit"]["duration_s"] = max(seconds + SETTLING_S, 2 * CIRCUITS_S)
+
+    file = folder / f"{SIXDOF}-{seconds:.0f}s.tlog"
+    write_log(load(SIXDOF, override).fly(), file)
     return file
 
 

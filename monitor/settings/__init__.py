@@ -178,7 +178,10 @@ def _sentence(error: ValidationError, file: Path | None) -> str:
     key = ".".join(str(part) for part in first["loc"])
     where = f"{file}: " if file is not None else ""
     if first["type"] != "extra_forbidden":
-        return f"{where}{key} = {first['input']!r}: {first['msg']}"
+        said = first["msg"].removeprefix("Value error, ")
+        given = first["input"]
+        shown = "" if isinstance(given, Mapping | BaseModel) else f" = {given!r}"
+        return f"{where}{key}{shown}: {said}"
     known = _known_keys(Settings, first["loc"][:-1])
     near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1, cutoff=0.4)
     hint = f"; did you mean {near[0]}?" if near else f"; known are {', '.join(known)}"

@@ -16,6 +16,8 @@ from links.samples import Batch
 from monitor.analyze import analyze_log
 from monitor.commands.bench_cases import BenchCase, Measured
 from monitor.commands.daemon_process import DaemonProcess, free_port
+from monitor.learn.engine import learn_engine, measure_engine
+from monitor.learn.engine_document import engine_document
 from monitor.pipeline import Pipeline
 from monitor.recorder import whole_frames
 from monitor.settings import load
@@ -30,8 +32,25 @@ IN_FLIGHT_S = 60.0
 START_TIMEOUT_S = 60.0
 
 
-def cases(log: Path, long_flight: Callable[[], Path], minutes: float) -> list[BenchCase]:
-    """Cases on a telemetry log, and on a longer one with IMU samples at 200 Hz, made if needed."""
+def cases(
+    log: Path,
+    long_flight: Callable[[], Path],
+    sixdof_flight: Callable[[], Path] | None,
+    minutes: float,
+) -> list[BenchCase]:
+    """Cases on a telemetry log, and on longer ones with IMU samples at 200 Hz, made if needed.
+
+    Parameters
+    ----------
+    log
+        A healthy flight.
+    long_flight
+        Makes one of the kinematic vehicle.
+    sixdof_flight
+        Makes one of the Aerosonde with three engine-speed sensors; None without JSBSim.
+    minutes
+        How long a live link is watched.
+    """
     return [
         BenchCase(
             "pipeline",
@@ -56,6 +75,15 @@ def cases(log: Path, long_flight: Callable[[], Path], minutes: float) -> list[Be
             unit="ms",
             value=lambda: _latency(long_flight(), minutes),
             note="arrival of the oldest datagram of a turn to our last datagram of that turn",
+        ),
+        BenchCase(
+            "latency_all_ms",
+            unit="ms",
+            value=None
+            if sixdof_flight is None
+            else lambda: _latency_of_all(sixdof_flight(), minutes),
+            note="the same with engine and wings watched too: the Aerosonde, IMUs at 200 Hz",
+            missing=() if sixdof_flight is not None else ("jsbsim",),
         ),
     ]
 
@@ -110,8 +138,17 @@ def _start_to_verdict(log: Path) -> Measured:
     return Measured(statistics.median(taken_s), note=f"worst of {REPEATS}: {max(taken_s):.2f} s")
 
 
-def _latency(log: Path, minutes: float) -> Measured:
-    with _Sender(log, 0.0) as sender, DaemonProcess(port=sender.port) as daemon:
+def _latency_of_all(log: Path, minutes: float) -> Measured:
+    """Latency with the airframe known, and the engine learnt from this very flight."""
+    engine = learn_engine([measure_engine(log, load())], load())
+    config = log.with_suffix(".toml")
+    carried = {"wing": {"airframe": "aerosonde"}}
+    config.write_text(engine_document(engine, carried), encoding="utf-8")
+    return _latency(log, minutes, ("--config", str(config)))
+
+
+def _latency(log: Path, minutes: float, arguments: tuple[str, ...] = ()) -> Measured:
+    with _Sender(log, 0.0) as sender, DaemonProcess(arguments, sender.port) as daemon:
         daemon.wait_for({"sensor": "imu0", "state": "ok"}, START_TIMEOUT_S)
         cpu_s, memory_mb = daemon.usage()
         began_s = time.monotonic()
