@@ -6,10 +6,11 @@ then ask ``reader.info``.
 
 from pathlib import Path
 
-from links.logs.tlog import LogError, LogInfo, TlogReader, TlogWriter, read_tlog
+from links.logs.base import LogError, LogInfo, LogReader
+from links.logs.tlog import TlogReader, TlogWriter, read_tlog
 from links.mavlink.options import DecoderOptions
 
-__all__ = ["LogError", "LogInfo", "TlogReader", "TlogWriter", "open_log", "read_tlog"]
+__all__ = ["LogError", "LogInfo", "LogReader", "TlogReader", "TlogWriter", "open_log", "read_tlog"]
 
 _ULOG_MAGIC = b"ULog\x01\x12\x35"
 _DATAFLASH_MAGIC = b"\xa3\x95\x80"
