@@ -14,8 +14,8 @@ import pytest
 
 from links.mavlink import Decoder
 from links.samples import Batch
-from monitor.analyze import Recording
 from monitor.pipeline import Pipeline
+from monitor.recording import Recording
 from monitor.settings import load
 from sim_feeds import player, scenario
 

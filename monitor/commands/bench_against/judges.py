@@ -11,9 +11,9 @@ from typing import Any, Final
 from links.logs import open_log
 from links.samples import Batch
 from monitor import summary
-from monitor.analyze import Recording
 from monitor.baselines import BaselineTap
 from monitor.pipeline import Pipeline
+from monitor.recording import Recording
 from monitor.settings import Settings
 
 __all__ = ["AS_FLOWN", "BY_DEFAULT", "JUDGES", "OURS", "PX4", "SAID", "Said", "judge_flight"]
