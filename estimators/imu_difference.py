@@ -49,6 +49,7 @@ __all__ = [
     "noise_excess",
     "noise_rise",
     "odd_noise",
+    "resume_noise",
     "watch_noise",
 ]
 
@@ -343,6 +344,16 @@ def watch_noise(
         zero = zero and u[c] == 0.0
     if not zero:
         s[N_ZERO_S, 0] = t
+
+
+@kernel
+def resume_noise(noise: Array, imu: int, t: float) -> None:
+    """The first sample after a gap [s]: no value stood still, and none was zero, meanwhile."""
+    s = noise[imu]
+    s[N_ZERO_S, 0] = t
+    for c in range(6):
+        s[N_SAME, c] = 0.0
+        s[N_SAME_S, c] = t
 
 
 @kernel

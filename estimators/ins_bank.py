@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.atmosphere import gravity
-from estimators.imu_difference import close_bins, fill_bins, watch_noise
+from estimators.imu_difference import close_bins, fill_bins, resume_noise, watch_noise
 from estimators.ins_bank_interest import (
     JUDGED_AGE_S,
     P_ACC,
@@ -184,6 +184,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
         b.pend_read[imu] = pushed
         b.edge_at[imu] = -1
         forget_turns(b.turns[imu])
+        resume_noise(b.noise, imu, t)
         b.clock[C_CHANGED] = 1.0
     elif t > t0:
         dt = t - t0

@@ -229,12 +229,13 @@ class RecordRows:
         rejected = Counter() if rejected is None else rejected
         self._begin(records)
         offers: dict[str, list[Candidate]] = {}
+        before = self.clock.reboots
         for part, times in zip(records, self._times(records), strict=True):
             for rank, order, source in self._table.get(part.message, ()):
                 for sensor, at, rows in self._offers(source, part, times, rejected):
                     candidate = Candidate(rank, order, source, part.place[at], rows)
                     offers.setdefault(sensor, []).append(candidate)
-        return Batch(self._number(offers), rejected)
+        return Batch(self._number(offers), rejected, self.clock.boots_since(before))
 
     # ------------------------------------------------------------------ what is in force
 

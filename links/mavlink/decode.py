@@ -162,9 +162,10 @@ class Decoder:
         if self._held is not None:
             frames = self._hold(Frames.join(self._held, frames), rejected, final)
         self.timed = _NOTHING
+        before = self._clock.reboots
         rows = self._rows(frames, rejected) if len(frames) else {}
         self.counters.reboots = self._clock.reboots
-        return Batch(rows, rejected)
+        return Batch(rows, rejected, self._clock.boots_since(before))
 
     def _count(self, frames: Frames) -> None:
         counters = self.counters
