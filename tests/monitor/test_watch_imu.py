@@ -186,6 +186,22 @@ def test_an_imu_that_reads_zero_has_dropped_out_and_the_other_is_judged_alone() 
     assert [v.sensor for v in found if v not in first] == ["imu1.acc_z"]
 
 
+@pytest.mark.parametrize(
+    ("gone_s", "imus"),
+    [(1.0, ("imu0", "imu1")), (10.0, ("imu0", "imu1")), (0.48, ("imu1",)), (3.0, ("imu1",))],
+)
+def test_lost_samples_are_no_dead_imu(gone_s, imus) -> None:
+    rows = rows_of(scenario("small-uav", imus=2).fly())
+    # imu0's samples come first of an instant: imu1 is then still silent as the decision is taken.
+    rows["imu1"]["t_us"] += 5_000
+    for start_s in (50.0, 58.07, 65.3, 72.63):
+        first = start_us(rows) + round(start_s * 1e6)
+        for sensor in imus:
+            t_us = rows[sensor]["t_us"]
+            rows[sensor] = rows[sensor][(t_us < first) | (t_us >= first + gone_s * 1e6)]
+    assert faults_of(judge(rows)) == []
+
+
 def test_an_instance_that_never_leaves_zero_is_not_judged() -> None:
     rows = rows_of(scenario("small-uav", imus=2).fly())
     rows["imu1"]["acc_m_s2"] = 0.0
