@@ -23,6 +23,9 @@ from links.samples import Batch
 
 __all__ = ["TlogReader", "TlogWriter", "read_tlog"]
 
+DAY_US = 86_400_000_000
+"""No record is older than this before the first that has a time of its own [us]."""
+
 GAP_US = 5_000_000
 """Two stamps further apart than this are a gap of the recording [us]."""
 
@@ -82,7 +85,9 @@ class TlogReader:
         info.first_t_us = decoder.first_t_us or 0
         offset = decoder.t_us_of_unix_zero
         if offset is not None and info.start_unix_us is not None:
-            info.first_t_us = min(info.start_unix_us + offset, info.first_t_us)
+            stamped = info.start_unix_us + offset
+            if 0 < info.first_t_us - stamped < DAY_US:  # else the stamps are no times
+                info.first_t_us = stamped
         return batch
 
     def _note_stamps(self, stamps: NDArray[np.int64]) -> None:
