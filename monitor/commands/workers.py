@@ -144,10 +144,11 @@ def _listen(worker: _Worker, done: list[int], results: dict[int, Any]) -> None:
 def _serve(connection: Connection, function: Callable[[Any, Tell], Any]) -> None:
     """Life of a worker: Ctrl-C is for the process that waits for it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    told_s = 0.0
+    told_s, newest = 0.0, 0
 
     def tell(count: int) -> None:
-        nonlocal told_s
+        nonlocal told_s, newest
+        newest = count
         now_s = time.monotonic()
         if now_s - told_s > TELL_EVERY_S:
             told_s = now_s
@@ -158,4 +159,7 @@ def _serve(connection: Connection, function: Callable[[Any, Tell], Any]) -> None
             item = connection.recv()
         except EOFError:
             return
-        connection.send((True, function(item, tell)))
+        newest = 0
+        result = function(item, tell)
+        connection.send((False, newest))
+        connection.send((True, result))
