@@ -23,6 +23,7 @@ from monitor.watch import build_watches
 
 __all__ = ["Pipeline"]
 
+_MAX_BOOTS = 1000
 _REFERENCES = frozenset({"gps", "attitude"})
 
 
@@ -35,6 +36,8 @@ class Pipeline:
         Vehicle time up to which everything has been judged [us].
     rejected
         (sensor or "frame", reason) -> count, of the links and of the ordering.
+    boots
+        Vehicle times at which the vehicle began anew [us]; the first 1000.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class Pipeline:
         self._judged: dict[str, Verdict] = {}
         self._states: dict[str, Verdict] = {}
         self._boots: list[int] = []
+        self.boots: list[int] = []
         self._link_rejected: Counter[tuple[str, Rejection]] = Counter()
         self.now_us = self._ordering.watermark_us
 
@@ -111,6 +115,7 @@ class Pipeline:
         phase = self._phase.step(released, boots)
         if boots:
             self._boots = self._boots[len(boots) :]
+            self.boots += boots[: _MAX_BOOTS - len(self.boots)]
         if len(phase):
             released["phase"] = phase
         for tap in self._taps:

@@ -10,7 +10,9 @@ from monitor.commands.common import console
 
 __all__ = ["show"]
 
-GAPS_NAMED = 3
+NAMED = 3
+WIDE = 105
+"""Columns of a screen from which on the evidence has a place in the table."""
 
 
 def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
@@ -28,7 +30,10 @@ def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
     for line in _damage(log):
         screen.print(f"  {line}", soft_wrap=True)
     if summary["faults"]:
-        screen.print(_table(summary["faults"]))
+        wide = screen.width >= WIDE
+        screen.print(_table(summary["faults"], evidence=wide))
+        for fault in () if wide else summary["faults"]:
+            screen.print(f"  {fault['sensor']}: {fault['evidence']}")
     else:
         watched = [m["sensor"] for m in summary["monitored"] if m["seconds"] > 0]
         screen.print(
@@ -52,7 +57,7 @@ def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
     screen.print(f"  {files[0]}", soft_wrap=True, markup=False)
 
 
-def _table(faults: Sequence[Mapping[str, Any]]) -> Any:
+def _table(faults: Sequence[Mapping[str, Any]], *, evidence: bool) -> Any:
     from rich.table import Table
 
     table = Table()
@@ -60,7 +65,8 @@ def _table(faults: Sequence[Mapping[str, Any]]) -> Any:
         table.add_column(column, no_wrap=True)
     for column in ("onset", "detected", "cleared", "size"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("evidence", ratio=1)
+    if evidence:
+        table.add_column("evidence", ratio=1)
     for fault in faults:
         table.add_row(
             fault["sensor"],
@@ -69,7 +75,7 @@ def _table(faults: Sequence[Mapping[str, Any]]) -> Any:
             f"{fault['detected_s']:.1f} s",
             "" if fault["cleared_s"] is None else f"{fault['cleared_s']:.1f} s",
             "" if fault["magnitude"] is None else f"{fault['magnitude']:+.3g} {fault['unit']}",
-            fault["evidence"],
+            *([fault["evidence"]] if evidence else []),
         )
     return table
 
@@ -82,7 +88,12 @@ def _damage(log: Mapping[str, Any]) -> list[str]:
         lines.append(f"damaged: {log['bad_bytes']} bytes ({share:.2g} %) belong to no message")
     gaps = log["gaps"]
     if gaps:
-        named = ", ".join(f"{g['seconds']:.0f} s at {g['at_s']:.0f} s" for g in gaps[:GAPS_NAMED])
-        more = f" and {len(gaps) - GAPS_NAMED} more" if len(gaps) > GAPS_NAMED else ""
+        named = ", ".join(f"{g['seconds']:.0f} s at {g['at_s']:.0f} s" for g in gaps[:NAMED])
+        more = f" and {len(gaps) - NAMED} more" if len(gaps) > NAMED else ""
         lines.append(f"nothing was recorded for {named}{more}")
+    boots = log["boots_s"]
+    if boots:
+        named = ", ".join(f"{t_s:.0f} s" for t_s in boots[:NAMED])
+        more = f" and {len(boots) - NAMED} more times" if len(boots) > NAMED else ""
+        lines.append(f"the vehicle booted anew at {named}{more}")
     return lines

@@ -200,7 +200,9 @@ def test_the_summary_tells_what_is_wrong_with_the_log(healthy, analyzed) -> None
 
 
 def test_each_boot_has_its_own_fault(broken, analyzed) -> None:
-    faults = analyzed(log_of([*broken, *broken])).faults
+    analysis = analyzed(log_of([*broken, *broken]))
+    faults = analysis.faults
+    assert len(analysis.summary["log"]["boots_s"]) == 1
     assert [f["sensor"] for f in faults] == ["airspeed0", "airspeed0"]
     assert faults[0]["cleared_s"] is not None
     apart_s = faults[1]["detected_s"] - faults[0]["detected_s"]
