@@ -15,8 +15,8 @@ from links.samples import Rows
 
 __all__ = ["ROWS_AT_ONCE", "EstimateFiles", "EstimateSink", "have_parquet"]
 
-ROWS_AT_ONCE: Final = 32_768
-"""Rows of one estimator that wait to be written: 55 minutes at 10 Hz, 6 MB at most."""
+ROWS_AT_ONCE: Final = 16_384
+"""Rows of one estimator that wait to be written: 27 minutes at 10 Hz, 3 MB at most."""
 
 _UNFINISHED = ".unfinished"
 
@@ -79,6 +79,7 @@ class EstimateFiles:
         self._waiting: dict[str, list[Rows]] = {}
         self._open: dict[Path, _TableFile] = {}
         self._of: dict[str, list[_TableFile]] = {}
+        self._begun: list[Path] = []
 
     def __enter__(self) -> Self:
         return self
@@ -123,9 +124,10 @@ class EstimateFiles:
 
     def discard(self) -> None:
         """Remove what is not finished."""
-        for path, file in self._open.items():
+        for file in self._open.values():
             with contextlib.suppress(OSError):  # the disk may be full: that is why we are here
                 file.close({})
+        for path in self._begun:
             _unfinished(path).unlink(missing_ok=True)
         self._open.clear()
         self._waiting.clear()
@@ -144,6 +146,7 @@ class EstimateFiles:
         files = self._of[name] = []
         for suffix, kind in self._kinds:
             path = self._folder / f"{name}{suffix}"
+            self._begun.append(path)  # first: Ctrl-C may come while it is opened
             about = {**self._about, "mavsentry.estimate": name}
             self._open[path] = kind(_unfinished(path), rows, about)
             files.append(self._open[path])

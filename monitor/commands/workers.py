@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import signal
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +25,8 @@ Tell = Callable[[int], None]
 
 TELL_EVERY_S: Final = 0.1
 STOP_S: Final = 2.0
+"""Time that a process has to leave nothing unfinished behind."""
+TERMINATED: Final = 143
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +123,7 @@ class _Worker:
         self.connection.close()
         self.process.terminate()
         self.process.join(STOP_S)
+        self.process.kill()
 
 
 def _listen(worker: _Worker, done: list[int], results: dict[int, Any]) -> None:
@@ -142,8 +146,9 @@ def _listen(worker: _Worker, done: list[int], results: dict[int, Any]) -> None:
 
 
 def _serve(connection: Connection, function: Callable[[Any, Tell], Any]) -> None:
-    """Life of a worker: Ctrl-C is for the process that waits for it."""
+    """Life of a worker: Ctrl-C is for the process that waits for it, which then terminates it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     told_s, newest = 0.0, 0
 
     def tell(count: int) -> None:

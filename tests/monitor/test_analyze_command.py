@@ -5,6 +5,10 @@ from __future__ import annotations
 import errno
 import json
 import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -14,7 +18,7 @@ from monitor.commands import analyze as command
 from monitor.commands.feed import write_log
 from sim_feeds.scenario import load
 
-FAULT_FOUND, UNUSABLE = 1, 2
+UNUSABLE, INTERRUPTED = 2, 130
 
 FLIGHT = """\
 title = "Half a minute in the air, a pitot breaks"
@@ -160,6 +164,42 @@ def test_a_mistake_of_ours_costs_one_log_and_says_where_it_was(
     (sentence,) = said.err.splitlines()
     assert sentence.startswith(f"mavsentry: {first}: mavsentry failed on it (IndexError in ")
     assert "Traceback" not in sentence
+
+
+def alive(group: int) -> bool:
+    """Whether a process of the group is left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_ctrl_c_leaves_nothing_unfinished_and_no_process(log, tmp_path) -> None:
+    logs = [tmp_path / "a.tlog", tmp_path / "b.tlog"]
+    for file in logs:
+        file.write_bytes(400 * log.read_bytes())
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "monitor.cli", "analyze", *logs),
+            *("--jobs", "2", "--out", str(out)),
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60.0
+    while not list(out.rglob("*.unfinished")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert process.poll() is None
+    os.kill(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=20.0)
+    assert (process.returncode, said) == (INTERRUPTED, "")
+    assert [p for p in out.rglob("*") if p.is_file()] == []
+    while alive(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not alive(process.pid)
 
 
 @pytest.mark.parametrize(

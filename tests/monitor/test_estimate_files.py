@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monitor import csv_file
 from monitor.columns import flat, unit_of
 from monitor.estimate_files import EstimateFiles
 from monitor.verdict import AIR_ESTIMATE, ENGINE_ESTIMATE, IMU_ESTIMATE, WING_ESTIMATE
@@ -93,6 +94,21 @@ def test_nothing_unfinished_stays_and_an_earlier_analysis_is_replaced_only_by_a_
         files.add({"imu0": np.zeros(1, IMU_ESTIMATE)})
         written = files.finish({})
     assert names(tmp_path) == sorted([*(p.name for p in written), "notes.txt"])
+
+
+def test_ctrl_c_while_a_file_is_opened_leaves_nothing(tmp_path: Path, monkeypatch) -> None:
+    opened = csv_file.CsvFile.__init__
+
+    def interrupted(self, path, first):
+        opened(self, path, first)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(csv_file.CsvFile, "__init__", interrupted)
+    with EstimateFiles(tmp_path, ABOUT, csv=True, rows_at_once=1) as files:
+        with pytest.raises(KeyboardInterrupt):
+            files.add({"air": air(1)})
+        assert "air.csv.unfinished" in names(tmp_path)
+    assert names(tmp_path) == []
 
 
 def test_a_log_that_is_refused_leaves_no_folder(tmp_path: Path) -> None:
