@@ -101,6 +101,7 @@ def test_ctrl_c_while_a_file_is_opened_leaves_nothing(tmp_path: Path, monkeypatc
 
     def interrupted(self, path, first):
         opened(self, path, first)
+        self._file.close()
         raise KeyboardInterrupt
 
     monkeypatch.setattr(csv_file.CsvFile, "__init__", interrupted)
