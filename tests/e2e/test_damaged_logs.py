@@ -168,7 +168,7 @@ DAMAGES: dict[str, Callable[[Frames], bytes]] = {
         ]
     ),
 }
-LESS_JUDGED = {"lost in bursts", "every message twice", "its beginning missing"}
+LESS_JUDGED = {"lost in bursts", "its beginning missing"}
 """Here less than half of what could be judged is."""
 
 

@@ -202,6 +202,31 @@ def test_lost_samples_are_no_dead_imu(gone_s, imus) -> None:
     assert faults_of(judge(rows)) == []
 
 
+@pytest.mark.parametrize(("later_us", "cut"), [(90_000, None), (310_000, None), (310_000, 700)])
+def test_fixes_that_are_sent_again_are_no_measurements(later_us, cut) -> None:
+    rows = rows_of(scenario("small-uav", imus=2).fly())
+    fixes = rows["gps0"]
+    fixes["stamp_us"] = fixes["t_us"]
+    again = fixes.copy()
+    again["t_us"] += later_us
+    again["seq"] = fixes["seq"] + 1
+    both = np.concatenate([fixes, again])
+    rows["gps0"] = both[np.argsort(both["t_us"], kind="stable")]
+    if cut is None:
+        result = judge(rows)
+        verdicts = result.verdicts
+    else:
+        watch, at = ImuWatch(ImuSettings()), int(rows["gps0"]["t_us"][cut]) + 1
+        verdicts = []
+        for until, part in (
+            (at, {s: r[r["t_us"] < at] for s, r in rows.items()}),
+            (1 << 60, {s: r[r["t_us"] >= at] for s, r in rows.items()}),
+        ):
+            verdicts += watch.step(part, until).verdicts
+    assert {v.state for v in verdicts if v.sensor == "imu0.acc_x"} >= {State.OK}
+    assert not any(v.reason is Reason.REFERENCE_NOT_TRUSTED for v in verdicts)
+
+
 def test_an_instance_that_never_leaves_zero_is_not_judged() -> None:
     rows = rows_of(scenario("small-uav", imus=2).fly())
     rows["imu1"]["acc_m_s2"] = 0.0
