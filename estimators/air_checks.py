@@ -76,6 +76,8 @@ SILENT = 0.5
 """Share of its usual mean square scatter below which a pitot may have fallen silent."""
 BEYOND_GUSTS = 8.0
 """Times the usual mean square scatter that no gust reaches: over a second it varies by three."""
+GAP_S = 2.5
+"""A reading repeated after a gap was not held meanwhile."""
 SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 
@@ -172,7 +174,7 @@ def check_sample(
     state[Z1] = z
     state[T_LAST] = t
     state[DT1], state[DT] = state[DT], dt
-    same = raw == state[LAST]
+    same = raw == state[LAST] and not dt > GAP_S
     state[N_SAME] = state[N_SAME] + 1.0 if same else 0.0
     state[LAST] = raw
     if not same or not flying:
