@@ -75,7 +75,7 @@ def judge_flight(
     recording = Recording()
     for batch in log:
         kept = {s: rows for s, rows in batch.rows.items() if s not in without}
-        recording.add(pipeline.feed(Batch(kept, batch.rejected)))
+        recording.add(pipeline.feed(Batch(kept, batch.rejected, batch.boots)))
         progress(log.info.bytes_read / max(log.info.bytes, 1))
     recording.add(pipeline.finish())
     first_us = log.info.first_t_us

@@ -13,7 +13,6 @@ from pathlib import Path
 from links.logs import read_tlog
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
-from links.samples import Batch
 from monitor.analyze import Analysis, analyze_into
 from monitor.commands.bench_cases import BenchCase, Measured
 from monitor.commands.daemon_process import DaemonProcess, free_port
@@ -71,7 +70,7 @@ def _pipeline(log: Path) -> Measured:
     def once() -> None:
         pipeline = Pipeline(settings)
         for batch in batches:
-            pipeline.feed(Batch(batch.rows, batch.rejected))
+            pipeline.feed(batch)
         pipeline.finish()
 
     return _against(flight_s, [_timed(once) for _ in range(REPEATS)])
