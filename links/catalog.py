@@ -16,6 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 
+import numpy as np
+from numpy.typing import NDArray
+
 from links.clock import Stamp
 from links.conversions import (
     DEG,
@@ -120,7 +123,8 @@ class Source:
     fills
         What it fills.
     only
-        Which payloads really carry this sensor; None for all.
+        (payload) -> which payloads really carry this sensor; None for all. A MAVLink source has a
+        :class:`links.conversions.Condition` here.
     named
         For NAMED_VALUE_FLOAT: the name that it must have.
     ratio
@@ -135,7 +139,7 @@ class Source:
     sensor: str
     fills: tuple[Fill, ...]
     instance: str | None = None
-    only: Condition | None = None
+    only: Callable[[Payload], NDArray[np.bool_]] | None = None
     named: str | None = None
     ratio: bool = False
     synthetic: bool = False
