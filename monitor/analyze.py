@@ -9,6 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from links.logs import LogInfo, open_log
 from links.mavlink.dialect import enum_word
 from links.samples import Rows
@@ -19,7 +21,7 @@ from monitor.learn.flights import vehicle_words
 from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings, changed
-from monitor.verdict import Verdict
+from monitor.verdict import StepResult, Verdict
 
 __all__ = ["MISSING_REPORT_EXTRA", "Analysis", "analyze_into", "analyze_log"]
 
@@ -101,17 +103,19 @@ def analyze_log(
     baselines = BaselineTap()
     pipeline = Pipeline(settings, taps=[baselines])
     ledger = summary.Ledger()
-    for batch in log:
-        result = pipeline.feed(batch)
+
+    def use(result: StepResult) -> None:
         ledger.add(result.verdicts)
         if sink is not None:
             sink.add(result.estimates)
-        if progress is not None:
-            progress(log.info.bytes_read, log.info.bytes)
-    result = pipeline.finish()
-    ledger.add(result.verdicts)
-    if sink is not None:
-        sink.add(result.estimates)
+
+    # What a log holds may be no number at all: it is rejected, not complained about.
+    with np.errstate(all="ignore"):
+        for batch in log:
+            use(pipeline.feed(batch))
+            if progress is not None:
+                progress(log.info.bytes_read, log.info.bytes)
+        use(pipeline.finish())
     return Analysis(
         path,
         summarize(log.info, pipeline, ledger)
