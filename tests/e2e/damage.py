@@ -61,9 +61,34 @@ def retimed(frame: bytes, clock: Callable[[int], float]) -> bytes:
     if stamp == 0 or stamp * unit > 1e14:  # no time, or Unix time
         return frame
     struct.pack_into(form, payload, at, round(clock(stamp * unit) / unit))
-    body = bytes([size]) + frame[2:HEAD] + bytes(payload)
+    return _framed(frame, bytes(payload))
+
+
+def _framed(frame: bytes, payload: bytes) -> bytes:
+    """The frame with another payload and the check sum that goes with it."""
+    message = frame[7] | frame[8] << 8 | frame[9] << 16
+    body = bytes([len(payload)]) + frame[2:HEAD] + payload
     crc = mcrf4xx(body + bytes([mavlink.mavlink_map[message].crc_extra]))
     return frame[:1] + body + struct.pack("<H", crc)
+
+
+NO_NUMBERS = (np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-40, 0.0)
+
+
+def absurd(frame: bytes, rng: np.random.Generator) -> bytes:
+    """The frame with values that no sensor has, and a right check sum: a fault of the sender."""
+    payload = bytearray(frame[HEAD : HEAD + frame[1]])
+    how = rng.integers(0, 4)
+    if how == 0:
+        payload[:] = rng.bytes(len(payload))
+    elif how == 1:
+        payload[rng.integers(0, len(payload))] ^= 1 << rng.integers(0, 8)
+    elif how == 2 and len(payload) >= 4:
+        value = NO_NUMBERS[rng.integers(0, len(NO_NUMBERS))]
+        struct.pack_into("<f", payload, 4 * int(rng.integers(0, len(payload) // 4)), value)
+    else:
+        payload[:] = bytes([(0, 0x7F, 0x80, 0xFF)[rng.integers(0, 4)]]) * len(payload)
+    return _framed(frame, bytes(payload))
 
 
 def stepped(frames: Frames, at_s: float, by_s: float) -> list[tuple[int, bytes]]:

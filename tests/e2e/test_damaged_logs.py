@@ -5,19 +5,22 @@ A healthy flight stays healthy however its log was damaged, and a fault is still
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from monitor.analyze import Analysis, analyze_log
+from links.logs import LogError
+from monitor.analyze import Analysis, analyze_into, analyze_log
 from monitor.commands.feed import write_log
 from monitor.settings import load
 from sim_feeds.scenario import load as load_scenario
 
 from .damage import (
     Frames,
+    absurd,
     bursts,
     drifting,
     flipped,
@@ -188,6 +191,25 @@ FINDABLE: Sequence[str] = [d for d in DAMAGES if d not in ("the end recorded twi
 def test_a_broken_pitot_is_found_in_a_damaged_log(damage, broken, analyzed) -> None:
     analysis = analyzed(DAMAGES[damage](broken))
     assert {f["sensor"] for f in analysis.faults} == {"airspeed0"}
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.1, 0.5, 1.0])
+def test_absurd_values_with_right_check_sums_are_no_exception(
+    share: float, healthy: Frames, tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        frames = [(s, absurd(f, rng) if rng.random() < share else f) for s, f in healthy]
+        file = tmp_path / f"{seed}.tlog"
+        file.write_bytes(log_of(frames))
+        try:
+            analysis = analyze_into(tmp_path / "out", file, load())
+        except LogError:  # nothing was left of the vehicle
+            if share < 1.0:
+                raise
+            continue
+        assert json.loads((tmp_path / "out" / "summary.json").read_text()) == analysis.summary
+    assert [str(w.message) for w in recwarn] == []
 
 
 def test_the_summary_tells_what_is_wrong_with_the_log(healthy, analyzed) -> None:
