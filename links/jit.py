@@ -29,7 +29,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _folders: set[Path] = set()
 _OURS = r"((?:estimators|links)(?:\.\w+)*)"
-_IMPORT = re.compile(rf"^from {_OURS} import|^import {_OURS}", re.M)
+_IMPORT = re.compile(rf"^from {_OURS} import (\([^)]*\)|.*)|^import {_OURS}", re.M)
 _THIS = {__name__, "estimators.jit"}
 
 
@@ -41,12 +41,21 @@ def cache_root() -> Path:
 
 @cache
 def _digest(module: str) -> str:
-    """Digest of a module's source and of the modules with kernels it imports, transitively."""
+    """Digest of a module's source and of the modules with kernels it imports, transitively.
+
+    Packages themselves hold no kernels: of them, only the modules that are imported count.
+    """
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None:
         return module
     text = Path(file).read_text(encoding="utf-8")
-    found = {a or b for a, b in _IMPORT.findall(text)} - {module} - _THIS
+    found = set()
+    for source, names, alone in _IMPORT.findall(text):
+        if hasattr(sys.modules.get(source), "__path__"):
+            found |= {f"{source}.{name}" for name in re.findall(r"\w+", names)} & set(sys.modules)
+        else:
+            found.add(source or alone)
+    found -= {module} | _THIS
     parts = [numba.__version__, text, *(_digest(name) for name in sorted(found))]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 

@@ -99,7 +99,7 @@ def _look(data: Any, p: int, extras: Any) -> tuple[int, int]:
         if n - p < HEAD_V2 + 2:
             return _WAIT, p
         flags = data[p + 2]
-        if flags & ~SIGNED:  # a receiver must drop frames with flags that it does not know
+        if flags & (0xFF ^ SIGNED):  # a receiver must drop frames with flags that it does not know
             return _NO_FRAME, p
         body = p + HEAD_V2 + data[p + 1]
         end = body + 2 + (SIGNATURE if flags else 0)
