@@ -332,7 +332,7 @@ def watch_noise(
             # A rest that is becoming improbable teaches nothing: else a stuck value would excuse
             # itself.
             share = min(max(s[N_REPEAT, c], LEAST_SHARE), 1.0)
-            if -s[N_SAME, c] * math.log(share) < 0.5 * REST_NATS:
+            if not same or -s[N_SAME, c] * math.log(share) < 0.5 * REST_NATS:
                 s[N_REPEAT, c] += gain * ((1.0 if same else 0.0) - s[N_REPEAT, c])
             level = math.log(max(s[N_DIFF2, c], 1e-12))
             if s[N_SEEN, c] == 0.0:

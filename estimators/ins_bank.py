@@ -34,7 +34,7 @@ from estimators.ins_bank_interest import (
     swings,
 )
 from estimators.ins_bank_measure import NOISE_FRACTION, measure
-from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, integrate
+from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, carry
 from estimators.ins_bank_state import (
     ATTITUDE,
     BARO,
@@ -82,7 +82,7 @@ from estimators.ins_bank_windows import (
     roll,
     roll_windows,
 )
-from estimators.jit import kernel
+from estimators.jit import inlined, kernel
 
 __all__ = [
     "ATTITUDE",
@@ -147,7 +147,7 @@ ATTITUDE_INTERVAL_S = BARO_INTERVAL_S = 0.15
 """Faster samples of the slow references say nothing new: their errors are correlated."""
 
 
-@kernel
+@inlined
 def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float) -> None:
     u = 0.5 * (u0 + u1)
     var = np.empty(6)
@@ -158,13 +158,14 @@ def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float)
             + (p.scale_error[k] * u[k]) ** 2
         )
     lat = 0.0 if math.isnan(b.ref[R_LAT]) else b.ref[R_LAT]
+    cos, sin, tan = math.cos(lat), math.sin(lat), math.tan(lat)
     for mode in range(2):
         c = 2 * imu + mode
         if not math.isnan(b.aligned_s[c]):
-            integrate(b.x[c], b.R[c], b.acc[c], u, var, lat, b.clock[C_GRAVITY], dt)
+            carry(b.x[c], b.R[c], b.acc[c], u, var, cos, sin, tan, b.clock[C_GRAVITY], dt)
 
 
-@kernel
+@inlined
 def _alone(b: Bank, p: Tuning, imu: int, t: float) -> bool:
     """Whether the attitude can have come from this IMU only."""
     for i in range(b.sample.shape[0]):
@@ -173,7 +174,7 @@ def _alone(b: Bank, p: Tuning, imu: int, t: float) -> bool:
     return not p.attitude_independent
 
 
-@kernel
+@inlined
 def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     """Carry both filters of an IMU to its new sample, through the measurements that waited."""
     t0 = b.sample[imu, 0]
@@ -225,7 +226,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     b.sample[imu, 1:] = u
 
 
-@kernel
+@inlined
 def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
     """Note the latest reference, test the receiver against itself, queue the measurement."""
     if kind == GPS:
