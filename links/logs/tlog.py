@@ -7,7 +7,7 @@ give the same samples. Damaged and cut-off files are read as far as they go.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo
+from links.mavlink.columns import ColumnDecoder, Columns
 from links.mavlink.decode import Decoder
 from links.mavlink.framing import NO_STAMP
 from links.mavlink.options import DecoderOptions
 from links.samples import Batch
 
-__all__ = ["TlogReader", "TlogWriter", "read_tlog"]
+__all__ = ["TlogReader", "TlogWriter", "read_tlog", "tlog_columns"]
 
 DAY_US = 86_400_000_000
 """No record is older than this before the first that has a time of its own [us]."""
@@ -109,6 +110,34 @@ def read_tlog(
 ) -> TlogReader:
     """Batches of a telemetry log, read in bounded chunks."""
     return TlogReader(Path(path), options, chunk=chunk)
+
+
+def tlog_columns(
+    path: Path | str,
+    dialect: str = "ardupilotmega",
+    *,
+    messages: Collection[str] | None = None,
+) -> Columns:
+    """Every field of a telemetry log's messages, all at once: it must fit into memory.
+
+    Parameters
+    ----------
+    messages
+        Names of those wanted; None for all.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read.
+    ValueError
+        When pymavlink has no such dialect, or the dialect no such message.
+    """
+    decoder = ColumnDecoder(dialect, stamped=True, messages=messages)
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror or error}") from None
+    return decoder.finish(data)
 
 
 class TlogWriter:

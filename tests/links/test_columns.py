@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
+from links.logs import LogError
+from links.logs.tlog import tlog_columns
 from links.mavlink import Encoder
 from links.mavlink.columns import ColumnDecoder
 from links.mavlink.dialect import load_dialect
@@ -143,6 +145,15 @@ def test_only_the_messages_asked_for_are_kept():
 def test_random_bytes_never_raise(data, stamped):
     columns = ColumnDecoder(stamped=stamped).finish(data)
     assert columns.bad_bytes <= len(data)
+
+
+def test_a_log_file_is_read_at_once(tmp_path):
+    path = tmp_path / "a.tlog"
+    path.write_bytes(b"".join(STAMP.pack(i + 1) + f for i, f in enumerate(small_stream())))
+    columns = tlog_columns(path, messages=["HEARTBEAT"])
+    assert columns.messages["HEARTBEAT"]["unix_us"].tolist() == [1, 7, 13]
+    with pytest.raises(LogError, match=r"cannot read .*none\.tlog: No such file"):
+        tlog_columns(tmp_path / "none.tlog")
 
 
 def test_any_dialect_can_be_read():
