@@ -308,7 +308,7 @@ SOURCES: tuple[RecordSource, ...] = (
 )
 """Every ULog input, in the order in which the rows of one message are numbered.
 
-Where ``instance`` is set the topic's own instance is the sensor's; of other topics the first counts.
+Where ``instance`` is set the topic's own is the sensor's; of other topics the first counts.
 """
 
 RANKING: dict[str, tuple[str, ...]] = {

@@ -245,9 +245,9 @@ class UlogReader:
                     told.setdefault(table.PARAMETER, []).append((note.order, now_us, value))
             elif note.kind in "LC":
                 at = 1 if note.kind == "L" else 3
-                stamp = int.from_bytes(note.body[at : at + 8], "little")
+                told_us = int.from_bytes(note.body[at : at + 8], "little")
                 value = (note.body[0] - ord("0"), note.body[at + 8 :])
-                told.setdefault(table.LOGGED, []).append((note.order, stamp, value))
+                told.setdefault(table.LOGGED, []).append((note.order, told_us, value))
             elif note.kind == "O" and len(self.info.gaps) < MAX_GAPS:
                 lasted_us = int.from_bytes(note.body, "little") * 1000
                 self.info.gaps.append((now_us, lasted_us))
