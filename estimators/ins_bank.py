@@ -200,7 +200,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
         for k in range(6):
             b.diff2[imu, k] += gain * ((u[k] - last[k]) ** 2 - b.diff2[imu, k])
             b.alias[imu, k] = b.diff2[imu, k] * min(dt, p.tick_s)
-        fill_bins(b.edge, b.edge_at, b.integral, imu, t0, t, last, u, p.tick_s)
+        fill_bins(b.edge, b.edge_at, b.integral, imu, t0, t, last, u, b.usual_s, p.tick_s)
         watch_noise(b.noise, imu, t, dt, last, u, b.clock[C_FLYING] == 1.0)
         at, u_at = t0, last
         while b.pend_read[imu] < pushed:
