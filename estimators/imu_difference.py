@@ -115,6 +115,10 @@ LEAST_SHARE = 1e-3
 """All six exactly zero for this long: no data. Rms above e^1.5 of its usual: worth a look. A value
 that has not moved although it used to, with odds of e^40, for a second and ten samples: stuck."""
 
+HOLE, LEAST_HOLE_S, USUAL_S = 2.5, 0.05, 5.0
+"""Samples further apart than so many times their usual distance, and than this, leave a hole; the
+usual distance is averaged over 5 s."""
+
 NOISE_BASELINE_S = 60.0
 NOISE_S = 2.0
 
@@ -129,6 +133,7 @@ def fill_bins(
     t1: float,
     u0: Array,
     u1: Array,
+    usual_s: Array,
     tick_s: float,
 ) -> None:
     """Carry an IMU's running integral to its new sample, noting it at the grid's edges between.
@@ -144,18 +149,28 @@ def fill_bins(
         Times of the last and of the new sample.
     u0, u1 : (6,) float64 [m/s^2, rad/s]
         Their values.
+    usual_s : (I,) float64 [s]
+        Usual time between samples; changed in place.
     tick_s : float [s]
         Width of the grid.
     """
     dt = t1 - t0
+    usual = usual_s[imu]
+    if usual == 0.0:
+        usual = dt
+    hole = dt > max(HOLE * usual, LEAST_HOLE_S)
+    usual_s[imu] = usual + min(1.0, dt / USUAL_S) * (min(dt, 2.0 * usual) - usual)
     k = math.floor(t0 / tick_s) + 1
+    if hole:
+        # What two IMUs felt between samples that one of them lost is no difference of theirs.
+        edge_at[imu, (k - 1) % EDGES] = -1
     while k * tick_s <= t1:
         a = (k * tick_s - t0) / dt
         slot = k % EDGES
         for i in range(6):
             at_edge = u0[i] + a * (u1[i] - u0[i])
             edge[imu, slot, i] = integral[imu, i] + 0.5 * a * dt * (u0[i] + at_edge)
-        edge_at[imu, slot] = k
+        edge_at[imu, slot] = -1 if hole else k
         k += 1
     for i in range(6):
         integral[imu, i] += 0.5 * dt * (u0[i] + u1[i])
