@@ -165,7 +165,7 @@ def _mistake(error: Exception) -> str:
         trace = trace.tb_next
     where = "" if trace is None else f" in {Path(trace.tb_frame.f_code.co_filename).name}"
     line = "" if trace is None else f", line {trace.tb_lineno}"
-    said = " ".join(str(error).split())
+    said = " ".join(str(error).split())[:200]
     return f"mavsentry failed on it ({type(error).__name__}{where}{line}: {said}); please report it"
 
 
