@@ -246,8 +246,8 @@ class UlogReader:
             elif note.kind in "LC":
                 at = 1 if note.kind == "L" else 3
                 told_us = int.from_bytes(note.body[at : at + 8], "little")
-                value = (note.body[0] - ord("0"), note.body[at + 8 :])
-                told.setdefault(table.LOGGED, []).append((note.order, told_us, value))
+                said = (note.body[0] - ord("0"), note.body[at + 8 :])
+                told.setdefault(table.LOGGED, []).append((note.order, told_us, said))
             elif note.kind == "O" and len(self.info.gaps) < MAX_GAPS:
                 lasted_us = int.from_bytes(note.body, "little") * 1000
                 self.info.gaps.append((now_us, lasted_us))
