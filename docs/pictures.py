@@ -18,8 +18,8 @@ import numpy as np
 from links.mavlink import Decoder
 from links.samples import Batch
 from monitor import settings, summary
-from monitor.analyze import Recording
 from monitor.pipeline import Pipeline
+from monitor.recording import Recording
 from sim_feeds import player, scenario
 
 PICTURES = Path(__file__).parent / "pictures"

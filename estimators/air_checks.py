@@ -64,7 +64,8 @@ T_LAST, Z1, Z2, D2, LAST, SAME_SINCE, N_SAME, GROSS_SINCE, DEAD_SINCE, VAR, NOIS
 )
 SLOW = 12
 PAIR0 = 13
-N_CHECK = 16
+DT, DT1 = 16, 17
+N_CHECK = 18
 
 Z_FLOOR_M_S = 8.0
 """Less airspeed than this has no meaningful logarithm: 1.5 Pa of a pressure sensor's noise, which
@@ -75,6 +76,8 @@ SILENT = 0.5
 """Share of its usual mean square scatter below which a pitot may have fallen silent."""
 BEYOND_GUSTS = 8.0
 """Times the usual mean square scatter that no gust reaches: over a second it varies by three."""
+GAP_S = 2.5
+"""A reading repeated after a gap was not held meanwhile."""
 SIMULTANEOUS_S = 0.06
 """Samples of two pitots nearer than this felt the same gust."""
 
@@ -99,10 +102,10 @@ class CheckLimits(NamedTuple):
 
 
 def new_check() -> Array:
-    """State before the first sample, shape (16,)."""
+    """State before the first sample, shape (18,)."""
     state = np.full(N_CHECK, np.nan)
     state[[N_SAME, VAR, ALIVE, SLOW]] = 0.0
-    state[PAIR0:] = 0.0
+    state[PAIR0 : PAIR0 + 3] = 0.0
     return state
 
 
@@ -148,7 +151,7 @@ def check_sample(
 
     Parameters
     ----------
-    state : (16,) float64, changed in place
+    state : (18,) float64, changed in place
     t, raw, c : float [s], [m/s], [m/s]
     p, p_std : float [m/s], [1]
         Prediction and the standard deviation of its logarithm; NaN where there is none.
@@ -170,7 +173,8 @@ def check_sample(
     state[Z2] = state[Z1] if dt < 0.5 else np.nan
     state[Z1] = z
     state[T_LAST] = t
-    same = raw == state[LAST]
+    state[DT1], state[DT] = state[DT], dt
+    same = raw == state[LAST] and not dt > GAP_S
     state[N_SAME] = state[N_SAME] + 1.0 if same else 0.0
     state[LAST] = raw
     if not same or not flying:
@@ -193,11 +197,12 @@ def check_sample(
 def pair_noise(states: Array, limits: CheckLimits, i: int, dt: float) -> None:
     """After a sample of pitot i: follow its noise against every pitot sampled at the same time.
 
-    What both show is gust; only the difference is noise.
+    What both show is gust; only the difference is noise. Both must have been sampled three times
+    together: where a sample of one was lost, the gust of another interval would look like noise.
 
     Parameters
     ----------
-    states : (3, 16) float64, changed in place
+    states : (3, 18) float64, changed in place
     dt : float [s]
         Time since the sample of i before.
     """
@@ -205,7 +210,11 @@ def pair_noise(states: Array, limits: CheckLimits, i: int, dt: float) -> None:
     for j in range(states.shape[0]):
         other = states[j]
         difference = own[D2] - other[D2]
-        together = abs(own[T_LAST] - other[T_LAST]) < SIMULTANEOUS_S
+        together = (
+            abs(own[T_LAST] - other[T_LAST]) < SIMULTANEOUS_S
+            and abs(own[DT] - other[DT]) < SIMULTANEOUS_S
+            and abs(own[DT1] - other[DT1]) < SIMULTANEOUS_S
+        )
         if j != i and together and not np.isnan(difference):
             weight = min(dt / limits.noise_tau_s, 1.0)
             v = own[PAIR0 + j]
@@ -225,7 +234,7 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
 
     Parameters
     ----------
-    states : (3, 16) float64
+    states : (3, 18) float64
     others : int
         Bit set for each pitot that may serve for comparison.
     """

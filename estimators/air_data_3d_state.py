@@ -95,7 +95,7 @@ class AirState(NamedTuple):
     pending : (16, 4) float64 [s, m/s]
         GPS epochs that wait.
     noise : (30,) float64
-    check : (3, 16) float64
+    check : (3, 18) float64
     swing : (3, 12) float64
     peaks : (15, 3) float64
         How near to the limits the flight came, see :mod:`estimators.air_peaks`.

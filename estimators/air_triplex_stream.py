@@ -89,6 +89,10 @@ FRESH_STAGES = 10.0
 ) = range(13)  # fmt: skip
 
 
+SILENT_S, GAP_S = 0.5, 2.5
+"""A sensor that sends less often is silent; a reading repeated after a gap was not held [s]."""
+
+
 class StreamLimits(NamedTuple):
     """Bounds on the wind's change, when the references count, and what stays wrong for long."""
 
@@ -126,7 +130,7 @@ class Stream(NamedTuple):
     velocity: Array  # (2, 3): gps N E, nav D, advanced to now; nav N E D
     air: Array  # (2,)
     sums: Array  # (2, 3, 2): readings of the stage and their number
-    last: Array  # (2, 3, 2): last raw reading, and the time it last changed
+    last: Array  # (2, 3, 3): last raw reading, the time it last changed, the time of the last
     memory: WindMemory
 
 
@@ -135,7 +139,7 @@ def new_stream() -> Stream:
     z = np.zeros
     s = Stream(
         new_horizon(N_HORIZON), new_votes(), np.full(13, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
-        z(2), z((2, 3, 2)), z((2, 3, 2)), new_memory(),
+        z(2), z((2, 3, 2)), z((2, 3, 3)), new_memory(),
     )  # fmt: skip
     s.clock[C_NEXT] = np.nan
     s.clock[C_FLYING] = s.clock[C_RUNNING] = s.clock[C_COUNT] = 0.0
@@ -196,7 +200,8 @@ def _stage(s: Stream, p: TriplexParams, t_s: float, log: Array, row: int) -> int
             else:
                 v.age[ch, i] += 1.0
             same = s.last[ch, i, 1]
-            v.same[ch, i] = t_s - same if same > -1e8 else 0.0
+            # silence is no standing still
+            v.same[ch, i] = min(t_s, s.last[ch, i, 2] + SILENT_S) - same if same > -1e8 else 0.0
             s.sums[ch, i, 0] = 0.0
             s.sums[ch, i, 1] = 0.0
 
@@ -395,7 +400,11 @@ def run(
         if t >= clock[C_NEXT] + 2.0:
             # a hole in the stream: forget the horizon, keep what was learnt
             clock[C_RUNNING] = 0.0
-            clock[C_NEXT] += STAGE_S * math.floor((t - clock[C_NEXT]) / STAGE_S)
+            skipped = math.floor((t - clock[C_NEXT]) / STAGE_S)
+            clock[C_NEXT] += STAGE_S * skipped
+            for ch in range(2):
+                for i in range(3):
+                    s.votes.age[ch, i] += skipped
         while t >= clock[C_NEXT]:
             at = clock[C_NEXT]
             row = _stage(s, p, at, log, row)
@@ -450,9 +459,10 @@ def run(
             reading = value[k, 0]
             s.sums[ch, i, 0] += reading
             s.sums[ch, i, 1] += 1.0
-            if reading != s.last[ch, i, 0]:
+            if reading != s.last[ch, i, 0] or t - s.last[ch, i, 2] > GAP_S:
                 s.last[ch, i, 0] = reading
                 s.last[ch, i, 1] = t
+            s.last[ch, i, 2] = t
         elif c == EV_BARO:
             s.air[0] = value[k, 0]
             s.air[1] = temperature(altitude_from_pressure(value[k, 0]))

@@ -80,6 +80,8 @@ SILENCE_S = 2.5
 """Estimates that fail to come for so long are missing."""
 BESIDE_S = 0.1
 """Samples so near to an estimate's moment are its vane reading."""
+SILENT_S, GAP_S = 0.5, 2.5
+"""A vane that sends less often is silent; a reading repeated after a gap was not held."""
 JUMP_S = 0.45
 RAGGED = 0.25
 """A jump takes so long at most, since the readings beside an estimate may straddle it, and has this
@@ -252,7 +254,7 @@ def _samples(v: Vanes, p: VaneLimits, i: int, t: float, a: float) -> float:
         if row[0] < t - BACK_S:
             continue
         here = a + slope * (row[0] - t)
-        if row[1] != s[SAME]:
+        if row[1] != s[SAME] or row[0] - s[T_E] > GAP_S:
             s[SAME], s[SAME_SINCE] = row[1], row[0]
             s[LOW] = s[HIGH] = here
         s[LOW], s[HIGH] = min(s[LOW], here), max(s[HIGH], here)
@@ -336,7 +338,7 @@ def _estimate(
     r = m - a
     x = v.x[i, 0]
     expect = a + x[0]
-    still_s = t - s[SAME_SINCE]
+    still_s = min(t, s[T_E] + SILENT_S) - s[SAME_SINCE]
     moved = s[HIGH] - s[LOW]
     least = max(p.least_rad, math.atan(p.updraft_m_s / max(tas, 5.0)))
     scatter_limit = max(p.scatter_rad, p.scatter_ratio * sigma)

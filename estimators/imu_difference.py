@@ -49,6 +49,7 @@ __all__ = [
     "noise_excess",
     "noise_rise",
     "odd_noise",
+    "resume_noise",
     "watch_noise",
 ]
 
@@ -114,6 +115,10 @@ LEAST_SHARE = 1e-3
 """All six exactly zero for this long: no data. Rms above e^1.5 of its usual: worth a look. A value
 that has not moved although it used to, with odds of e^40, for a second and ten samples: stuck."""
 
+HOLE, LEAST_HOLE_S, USUAL_S = 2.5, 0.05, 5.0
+"""Samples further apart than so many times their usual distance, and than this, leave a hole; the
+usual distance is averaged over 5 s."""
+
 NOISE_BASELINE_S = 60.0
 NOISE_S = 2.0
 
@@ -128,6 +133,7 @@ def fill_bins(
     t1: float,
     u0: Array,
     u1: Array,
+    usual_s: Array,
     tick_s: float,
 ) -> None:
     """Carry an IMU's running integral to its new sample, noting it at the grid's edges between.
@@ -143,18 +149,28 @@ def fill_bins(
         Times of the last and of the new sample.
     u0, u1 : (6,) float64 [m/s^2, rad/s]
         Their values.
+    usual_s : (I,) float64 [s]
+        Usual time between samples; changed in place.
     tick_s : float [s]
         Width of the grid.
     """
     dt = t1 - t0
+    usual = usual_s[imu]
+    if usual == 0.0:
+        usual = dt
+    hole = dt > max(HOLE * usual, LEAST_HOLE_S)
+    usual_s[imu] = usual + min(1.0, dt / USUAL_S) * (min(dt, 2.0 * usual) - usual)
     k = math.floor(t0 / tick_s) + 1
+    if hole:
+        # What two IMUs felt between samples that one of them lost is no difference of theirs.
+        edge_at[imu, (k - 1) % EDGES] = -1
     while k * tick_s <= t1:
         a = (k * tick_s - t0) / dt
         slot = k % EDGES
         for i in range(6):
             at_edge = u0[i] + a * (u1[i] - u0[i])
             edge[imu, slot, i] = integral[imu, i] + 0.5 * a * dt * (u0[i] + at_edge)
-        edge_at[imu, slot] = k
+        edge_at[imu, slot] = -1 if hole else k
         k += 1
     for i in range(6):
         integral[imu, i] += 0.5 * dt * (u0[i] + u1[i])
@@ -331,7 +347,7 @@ def watch_noise(
             # A rest that is becoming improbable teaches nothing: else a stuck value would excuse
             # itself.
             share = min(max(s[N_REPEAT, c], LEAST_SHARE), 1.0)
-            if -s[N_SAME, c] * math.log(share) < 0.5 * REST_NATS:
+            if not same or -s[N_SAME, c] * math.log(share) < 0.5 * REST_NATS:
                 s[N_REPEAT, c] += gain * ((1.0 if same else 0.0) - s[N_REPEAT, c])
             level = math.log(max(s[N_DIFF2, c], 1e-12))
             if s[N_SEEN, c] == 0.0:
@@ -343,6 +359,16 @@ def watch_noise(
         zero = zero and u[c] == 0.0
     if not zero:
         s[N_ZERO_S, 0] = t
+
+
+@kernel
+def resume_noise(noise: Array, imu: int, t: float) -> None:
+    """The first sample after a gap [s]: no value stood still, and none was zero, meanwhile."""
+    s = noise[imu]
+    s[N_ZERO_S, 0] = t
+    for c in range(6):
+        s[N_SAME, c] = 0.0
+        s[N_SAME_S, c] = t
 
 
 @kernel

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.atmosphere import gravity
-from estimators.imu_difference import close_bins, fill_bins, watch_noise
+from estimators.imu_difference import close_bins, fill_bins, resume_noise, watch_noise
 from estimators.ins_bank_interest import (
     JUDGED_AGE_S,
     P_ACC,
@@ -34,7 +34,7 @@ from estimators.ins_bank_interest import (
     swings,
 )
 from estimators.ins_bank_measure import NOISE_FRACTION, measure
-from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, integrate
+from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, carry
 from estimators.ins_bank_state import (
     ATTITUDE,
     BARO,
@@ -82,7 +82,7 @@ from estimators.ins_bank_windows import (
     roll,
     roll_windows,
 )
-from estimators.jit import kernel
+from estimators.jit import inlined, kernel
 
 __all__ = [
     "ATTITUDE",
@@ -147,7 +147,7 @@ ATTITUDE_INTERVAL_S = BARO_INTERVAL_S = 0.15
 """Faster samples of the slow references say nothing new: their errors are correlated."""
 
 
-@kernel
+@inlined
 def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float) -> None:
     u = 0.5 * (u0 + u1)
     var = np.empty(6)
@@ -158,13 +158,14 @@ def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float)
             + (p.scale_error[k] * u[k]) ** 2
         )
     lat = 0.0 if math.isnan(b.ref[R_LAT]) else b.ref[R_LAT]
+    cos, sin, tan = math.cos(lat), math.sin(lat), math.tan(lat)
     for mode in range(2):
         c = 2 * imu + mode
         if not math.isnan(b.aligned_s[c]):
-            integrate(b.x[c], b.R[c], b.acc[c], u, var, lat, b.clock[C_GRAVITY], dt)
+            carry(b.x[c], b.R[c], b.acc[c], u, var, cos, sin, tan, b.clock[C_GRAVITY], dt)
 
 
-@kernel
+@inlined
 def _alone(b: Bank, p: Tuning, imu: int, t: float) -> bool:
     """Whether the attitude can have come from this IMU only."""
     for i in range(b.sample.shape[0]):
@@ -173,7 +174,7 @@ def _alone(b: Bank, p: Tuning, imu: int, t: float) -> bool:
     return not p.attitude_independent
 
 
-@kernel
+@inlined
 def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     """Carry both filters of an IMU to its new sample, through the measurements that waited."""
     t0 = b.sample[imu, 0]
@@ -184,6 +185,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
         b.pend_read[imu] = pushed
         b.edge_at[imu] = -1
         forget_turns(b.turns[imu])
+        resume_noise(b.noise, imu, t)
         b.clock[C_CHANGED] = 1.0
     elif t > t0:
         dt = t - t0
@@ -198,7 +200,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
         for k in range(6):
             b.diff2[imu, k] += gain * ((u[k] - last[k]) ** 2 - b.diff2[imu, k])
             b.alias[imu, k] = b.diff2[imu, k] * min(dt, p.tick_s)
-        fill_bins(b.edge, b.edge_at, b.integral, imu, t0, t, last, u, p.tick_s)
+        fill_bins(b.edge, b.edge_at, b.integral, imu, t0, t, last, u, b.usual_s, p.tick_s)
         watch_noise(b.noise, imu, t, dt, last, u, b.clock[C_FLYING] == 1.0)
         at, u_at = t0, last
         while b.pend_read[imu] < pushed:
@@ -224,7 +226,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     b.sample[imu, 1:] = u
 
 
-@kernel
+@inlined
 def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
     """Note the latest reference, test the receiver against itself, queue the measurement."""
     if kind == GPS:

@@ -44,7 +44,7 @@ from estimators.ins_bank_state import (
     Tuning,
 )
 from estimators.ins_bank_windows import SWING_Z2
-from estimators.jit import kernel
+from estimators.jit import inlined, kernel
 
 __all__ = [
     "JUDGED_AGE_S",
@@ -89,7 +89,7 @@ def physical_size(size: Array, diff2: Array, k: int) -> float:
     return float(max(size[k], RECTIFIED * shaken))
 
 
-@kernel
+@inlined
 def _note_pairs(b: Bank, p: Tuning) -> None:
     """Peaks of the differences between IMUs."""
     n = b.sample.shape[0]
@@ -116,7 +116,7 @@ def _note_pairs(b: Bank, p: Tuning) -> None:
                 b.peaks[at] = max(b.peaks[at], held_size)
 
 
-@kernel
+@inlined
 def _note_noise(b: Bank, now: float) -> None:
     """Peak of the rise of an axis' noise above its peers'."""
     n = b.sample.shape[0]
@@ -131,7 +131,7 @@ def _note_noise(b: Bank, now: float) -> None:
                 b.peaks[P_NOISE] = max(b.peaks[P_NOISE], rise)
 
 
-@kernel
+@inlined
 def _note_step(b: Bank, p: Tuning, c: int, k: int, z: float, size: float, alone: bool) -> None:
     """Peaks of a step in a window of filter ``c``; its size counts where its IMU is ``alone``."""
     if size > physical_size(p.interest_size, b.diff2[c // 2], k):
@@ -141,7 +141,7 @@ def _note_step(b: Bank, p: Tuning, c: int, k: int, z: float, size: float, alone:
             b.peaks[at] = max(b.peaks[at], size)
 
 
-@kernel
+@inlined
 def swings(b: Bank, p: Tuning, imu: int, k: int) -> bool:
     """Whether a rate swings to and fro against an attitude that does not come from this gyro.
 
@@ -153,7 +153,7 @@ def swings(b: Bank, p: Tuning, imu: int, k: int) -> bool:
     return bool(p.attitude_independent and k >= 3 and large)
 
 
-@kernel
+@inlined
 def interesting(b: Bank, p: Tuning, now: float) -> bool:
     """Whether anything deserves a decision: a window, a reference, a value that stands still."""
     interest = bool(b.clock[C_CHANGED] == 1.0)

@@ -53,7 +53,7 @@ from estimators.ins_bank_state import (
     Tuning,
 )
 from estimators.ins_bank_windows import restart_windows
-from estimators.jit import kernel
+from estimators.jit import inlined, kernel
 
 __all__ = ["NOISE_FRACTION", "measure"]
 
@@ -198,7 +198,7 @@ def _judge_fix(fix: Array, x: Array, alias: Array, t: float, z: Array, before: A
     fix[5] = t
 
 
-@kernel
+@inlined
 def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
     """Bring one aligned filter to time t and let it use a measurement."""
     mode = c % 2
@@ -242,7 +242,7 @@ def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
             b.nis[c] += gain * (min(nis, NIS_CLIP) - b.nis[c])
 
 
-@kernel
+@inlined
 def measure(b: Bank, p: Tuning, imu: int, t: float, kind: int, z: Array) -> None:
     """Let both filters of an IMU use a measurement at its validity time.
 

@@ -53,14 +53,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.attitude import dcm_from_rotation_vector
-from estimators.jit import kernel
+from estimators.attitude import SMALL_ANGLE_RAD, dcm_from_rotation_vector
+from estimators.jit import inlined, kernel
 
 __all__ = [
     "ATT",
     "INS",
     "N",
     "apply_transition",
+    "carry",
     "close_interval",
     "inject",
     "integrate",
@@ -122,28 +123,70 @@ def integrate(
         Latitude and local gravity.
     dt : float [s]
     """
-    w_n = EARTH_RATE_RAD_S * math.cos(lat)
-    w_d = -EARTH_RATE_RAD_S * math.sin(lat)
+    carry(x, R, acc, u, u_var, math.cos(lat), math.sin(lat), math.tan(lat), g, dt)
+
+
+@inlined
+def carry(
+    x: Array,
+    R: Array,
+    acc: Array,
+    u: Array,
+    u_var: Array,
+    cos_lat: float,
+    sin_lat: float,
+    tan_lat: float,
+    g: float,
+    dt: float,
+) -> None:
+    """:func:`integrate` with the latitude's functions known: both filters of an IMU share them.
+
+    It runs at every sample of every filter, hence without small arrays or calls.
+    """
+    w_n = EARTH_RATE_RAD_S * cos_lat
+    w_d = -EARTH_RATE_RAD_S * sin_lat
     r_n = x[1] / EARTH_RADIUS_M
     r_e = -x[0] / EARTH_RADIUS_M
-    r_d = -x[1] * math.tan(lat) / EARTH_RADIUS_M
-    half = np.empty(3)
+    r_d = -x[1] * tan_lat / EARTH_RADIUS_M
+    e_n, e_d = w_n + r_n, w_d + r_d
+    earth = R[0, 0] * e_n + R[1, 0] * r_e + R[2, 0] * e_d
+    h0 = 0.5 * dt * (u[3] - x[F_GYRO] - earth)
+    earth = R[0, 1] * e_n + R[1, 1] * r_e + R[2, 1] * e_d
+    h1 = 0.5 * dt * (u[4] - x[F_GYRO + 1] - earth)
+    earth = R[0, 2] * e_n + R[1, 2] * r_e + R[2, 2] * e_d
+    h2 = 0.5 * dt * (u[5] - x[F_GYRO + 2] - earth)
+    # The rotation by half the step, as attitude.dcm_from_rotation_vector has it.
+    angle2 = h0 * h0 + h1 * h1 + h2 * h2
+    half = 0.5 * math.sqrt(angle2)
+    if half < SMALL_ANGLE_RAD:
+        sinc = 0.5 * (1.0 - angle2 / 24.0 + angle2 * angle2 / 1920.0)
+    else:
+        sinc = 0.5 * math.sin(half) / half
+    q0, q1, q2, q3 = math.cos(half), sinc * h0, sinc * h1, sinc * h2
+    t00 = q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3
+    t11 = q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3
+    t22 = q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3
+    t01, t10 = 2.0 * (q1 * q2 - q0 * q3), 2.0 * (q1 * q2 + q0 * q3)
+    t02, t20 = 2.0 * (q1 * q3 + q0 * q2), 2.0 * (q1 * q3 - q0 * q2)
+    t12, t21 = 2.0 * (q2 * q3 - q0 * q1), 2.0 * (q2 * q3 + q0 * q1)
+    mid = np.empty((3, 3))
     for i in range(3):
-        earth = R[0, i] * (w_n + r_n) + R[1, i] * r_e + R[2, i] * (w_d + r_d)
-        half[i] = 0.5 * dt * (u[3 + i] - x[F_GYRO + i] - earth)
-    turn = dcm_from_rotation_vector(half)
-    mid = product(R, turn)
-    R[:] = product(mid, turn)
-    a = np.empty(3)
-    for i in range(3):
-        a[i] = 0.0
-        for j in range(3):
-            a[i] += mid[i, j] * (u[j] - x[F_ACC + j])
+        m0 = R[i, 0] * t00 + R[i, 1] * t10 + R[i, 2] * t20
+        m1 = R[i, 0] * t01 + R[i, 1] * t11 + R[i, 2] * t21
+        m2 = R[i, 0] * t02 + R[i, 1] * t12 + R[i, 2] * t22
+        mid[i, 0], mid[i, 1], mid[i, 2] = m0, m1, m2
+        R[i, 0] = m0 * t00 + m1 * t10 + m2 * t20
+        R[i, 1] = m0 * t01 + m1 * t11 + m2 * t21
+        R[i, 2] = m0 * t02 + m1 * t12 + m2 * t22
+    f0, f1, f2 = u[0] - x[F_ACC], u[1] - x[F_ACC + 1], u[2] - x[F_ACC + 2]
+    a0 = mid[0, 0] * f0 + mid[0, 1] * f1 + mid[0, 2] * f2
+    a1 = mid[1, 0] * f0 + mid[1, 1] * f1 + mid[1, 2] * f2
+    a2 = mid[2, 0] * f0 + mid[2, 1] * f1 + mid[2, 2] * f2
     c_n, c_e, c_d = 2.0 * w_n + r_n, r_e, 2.0 * w_d + r_d
     v_d = x[2]
-    dv_n = a[0] - (c_e * x[2] - c_d * x[1])
-    dv_e = a[1] - (c_d * x[0] - c_n * x[2])
-    dv_d = a[2] - (c_n * x[1] - c_e * x[0]) + g
+    dv_n = a0 - (c_e * x[2] - c_d * x[1])
+    dv_e = a1 - (c_d * x[0] - c_n * x[2])
+    dv_d = a2 - (c_n * x[1] - c_e * x[0]) + g
     x[0] += dt * dv_n
     x[1] += dt * dv_e
     x[2] += dt * dv_d
@@ -155,10 +198,12 @@ def integrate(
         g0 = acc[ACC_G + j] + 0.5 * dt * mid[0, j]
         g1 = acc[ACC_G + 3 + j] + 0.5 * dt * mid[1, j]
         g2 = acc[ACC_G + 6 + j] + 0.5 * dt * mid[2, j]
-        acc[ACC_B + j] += dt * (a[1] * g2 - a[2] * g1)
-        acc[ACC_B + 3 + j] += dt * (a[2] * g0 - a[0] * g2)
-        acc[ACC_B + 6 + j] += dt * (a[0] * g1 - a[1] * g0)
-        acc[ACC_S + j] += dt * a[j]
+        acc[ACC_B + j] += dt * (a1 * g2 - a2 * g1)
+        acc[ACC_B + 3 + j] += dt * (a2 * g0 - a0 * g2)
+        acc[ACC_B + 6 + j] += dt * (a0 * g1 - a1 * g0)
+    acc[ACC_S] += dt * a0
+    acc[ACC_S + 1] += dt * a1
+    acc[ACC_S + 2] += dt * a2
     for i in range(3):
         for j in range(3):
             acc[ACC_G + 3 * i + j] += dt * mid[i, j]

@@ -96,6 +96,7 @@ class Bank(NamedTuple):
     pend_read: Ints  # (I + 1,) next to read of each IMU; last: pushed so far
     edge: Array  # (I, EDGES, 6) integrals of each IMU at the edges of the grid
     edge_at: Ints  # (I, EDGES) which edge each slot holds, -1 none
+    usual_s: Array  # (I,) usual time between samples [s]
     integral: Array  # (I, 6) running integral of each IMU
     pair: Array  # (I, I, PAIR_ROWS, 6) difference tests, see imu_difference
     heading: Array  # (I, 2) jumps of the attitude's heading, see ins_bank_turns
@@ -147,6 +148,7 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         pend_read=np.zeros(n_imus + 1, dtype=np.int64),
         edge=np.zeros((n_imus, EDGES, 6)),
         edge_at=np.full((n_imus, EDGES), -1, dtype=np.int64),
+        usual_s=np.zeros(n_imus),
         integral=np.zeros((n_imus, 6)),
         pair=np.zeros((n_imus, n_imus, PAIR_ROWS, 6)),
         heading=np.tile([0.0, -1e9], (n_imus, 1)),

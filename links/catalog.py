@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, nan, pi
+from math import inf, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,21 +22,26 @@ from numpy.typing import NDArray
 from links.clock import Stamp
 from links.conversions import (
     DEG,
+    EULER,
+    FROM_COURSE,
+    NO_VALUE,
+    QUATERNION,
+    Condition,
     Floats,
     Payload,
     Wire,
     accuracy,
-    armed,
-    autonomous,
     course_from_velocity,
+    element,
     euler_from_quaternion,
+    flag,
+    put_element,
     quaternion_fields,
-    quaternion_from_euler,
-    unit_quaternion,
-    velocity_from_course,
+    sign,
 )
 
 __all__ = [
+    "AUTOPILOT_INVALID",
     "AUTOPILOT_PX4",
     "FROM_ANY_COMPONENT",
     "MAX_INSTANCES",
@@ -55,7 +60,11 @@ STANDARD_GRAVITY = 9.80665
 MILLI_G = 1e-3 * STANDARD_GRAVITY
 HPA = 100.0
 ZERO_CELSIUS_K = 273.15
+AUTOPILOT_INVALID = 8
+"""MAV_AUTOPILOT of a component that is no autopilot."""
 AUTOPILOT_PX4 = 12
+SAFETY_ARMED, AUTO_OR_GUIDED = 0x80, 0x0C
+"""MAV_MODE_FLAG bits of HEARTBEAT.base_mode."""
 MAX_INSTANCES = {"imu": 5, "airspeed": 3, "aoa": 3, "gps": 2, "baro": 3, "spool": 16}
 """Instances that DESIGN section 3 names; a message for a higher one is out of range."""
 
@@ -77,7 +86,8 @@ class Fill:
     required
         Whether a row without this value is rejected; otherwise NaN stays NaN.
     compute
-        (payload) -> values, instead of ``fields``.
+        (payload) -> values, instead of ``fields``; a MAVLink source has a
+        :class:`links.conversions.Conversion` here.
     invert
         (payload, values) -> wire fields with their values before rounding: undoes ``compute``.
     """
@@ -113,7 +123,8 @@ class Source:
     fills
         What it fills.
     only
-        (payload) -> bool array: the rows that really carry this sensor; None for all.
+        (payload) -> which payloads really carry this sensor; None for all. A MAVLink source has a
+        :class:`links.conversions.Condition` here.
     named
         For NAMED_VALUE_FLOAT: the name that it must have.
     ratio
@@ -169,7 +180,7 @@ _GPS = (
     Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
     Fill(
         "vel_ned_m_s",
-        compute=velocity_from_course,
+        compute=FROM_COURSE,
         invert=course_from_velocity,
         required=False,
     ),
@@ -185,7 +196,7 @@ _NAV = (
     Fill("height_m", ("relative_alt",), 1e-3, low=-1e5, high=1e5),
     Fill("vel_ned_m_s", ("vx", "vy", "vz"), 1e-2),
 )
-_NO_PRESSURE = Fill("diff_press_pa", compute=lambda p: np.full(len(p), nan), required=False)
+_NO_PRESSURE = Fill("diff_press_pa", compute=NO_VALUE, required=False)
 _MAX_RPM = 1e6
 _HIGHRES_PRESSURE, _HIGHRES_DIFFERENTIAL = 1 << 9, 1 << 10  # HIGHRES_IMU_UPDATED_FLAGS
 
@@ -200,24 +211,20 @@ def _aoa(wire: str) -> tuple[Fill, ...]:
 
 def _escs() -> tuple[Source, ...]:
     """ESC_TELEMETRY_1_TO_4 ... 13_TO_16: four speeds in each message."""
-
-    def pick(k: int) -> Callable[[Payload], Floats]:
-        return lambda p: p["rpm"][:, k].astype(np.float64)
-
-    def put(k: int) -> Callable[[Payload, Floats], Wire]:
-        def invert(p: Payload, speed_rpm: Floats) -> Wire:
-            rpm = p["rpm"].astype(np.float64)
-            rpm[:, k] = speed_rpm
-            return {"rpm": rpm}
-
-        return invert
-
     return tuple(
         Source(
             "ESC_TELEMETRY",
             f"ESC_TELEMETRY_{first}_TO_{first + 3}",
             f"spool{first - 1 + k}",
-            (Fill("speed_rpm", compute=pick(k), invert=put(k), low=-_MAX_RPM, high=_MAX_RPM),),
+            (
+                Fill(
+                    "speed_rpm",
+                    compute=element("rpm", k),
+                    invert=put_element("rpm", k),
+                    low=-_MAX_RPM,
+                    high=_MAX_RPM,
+                ),
+            ),
         )
         for first in (1, 5, 9, 13)
         for k in range(4)
@@ -272,7 +279,7 @@ SOURCES: tuple[Source, ...] = (
         "ATTITUDE_QUATERNION",
         "attitude",
         (
-            Fill("q_ned_from_frd", compute=unit_quaternion, invert=quaternion_fields),
+            Fill("q_ned_from_frd", compute=QUATERNION, invert=quaternion_fields),
             _BODY_RATE,
         ),
     ),
@@ -281,7 +288,7 @@ SOURCES: tuple[Source, ...] = (
         "ATTITUDE",
         "attitude",
         (
-            Fill("q_ned_from_frd", compute=quaternion_from_euler, invert=euler_from_quaternion),
+            Fill("q_ned_from_frd", compute=EULER, invert=euler_from_quaternion),
             _BODY_RATE,
         ),
     ),
@@ -312,7 +319,7 @@ SOURCES: tuple[Source, ...] = (
             Fill("temperature_k", ("temperature",), 1.0, ZERO_CELSIUS_K, low=150.0, high=450.0),
         ),
         instance="id",
-        only=lambda p: (p["fields_updated"] & _HIGHRES_PRESSURE) != 0,
+        only=Condition("fields_updated", _HIGHRES_PRESSURE),
     ),
     Source(
         "HIGHRES_IMU",
@@ -320,7 +327,7 @@ SOURCES: tuple[Source, ...] = (
         "airspeed{}",
         (Fill("diff_press_pa", ("diff_pressure",), HPA, low=-3e4, high=3e5),),
         instance="id",
-        only=lambda p: (p["fields_updated"] & _HIGHRES_DIFFERENTIAL) != 0,
+        only=Condition("fields_updated", _HIGHRES_DIFFERENTIAL),
         ratio=True,
     ),
     Source(
@@ -336,7 +343,7 @@ SOURCES: tuple[Source, ...] = (
         "SENSOR_AIRFLOW_ANGLES",
         "aoa0",
         _aoa("angleofattack"),
-        only=lambda p: p["angleofattack_valid"] != 0,
+        only=Condition("angleofattack_valid"),
     ),
     Source("AOA_SSA", "AOA_SSA", "aoa0", _aoa("AOA")),
     # engine speeds
@@ -351,7 +358,7 @@ SOURCES: tuple[Source, ...] = (
         "SERVO_OUTPUT_RAW",
         "servo",
         (Fill("pwm_us", tuple(f"servo{k}_raw" for k in range(1, 17))),),
-        only=lambda p: p["port"] == 0,
+        only=Condition("port", equals=0),
     ),
     Source(
         "NAV_CONTROLLER_OUTPUT",
@@ -359,7 +366,7 @@ SOURCES: tuple[Source, ...] = (
         "demand",
         (
             Fill("height_error_m", ("alt_error",)),
-            Fill("airspeed_error_sign", compute=lambda p: np.sign(p["aspd_error"], dtype=float)),
+            Fill("airspeed_error_sign", compute=sign("aspd_error")),
         ),
     ),
     Source(
@@ -369,10 +376,11 @@ SOURCES: tuple[Source, ...] = (
         (
             Fill("vehicle_type", ("type",)),
             Fill("autopilot", ("autopilot",)),
-            Fill("armed", compute=armed),
-            Fill("autonomous", compute=autonomous),
+            Fill("armed", compute=flag("base_mode", SAFETY_ARMED)),
+            Fill("autonomous", compute=flag("base_mode", AUTO_OR_GUIDED)),
             Fill("system_status", ("system_status",)),
         ),
+        only=Condition("autopilot", unlike=AUTOPILOT_INVALID),
     ),
     Source(
         "EXTENDED_SYS_STATE",

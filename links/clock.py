@@ -16,19 +16,38 @@ A stamp up to 5 s behind the newest is a late message and is kept as it is (the 
 rows); one up to 60 s ahead is a gap. Anything else is rejected until ten stamps in a row agree on
 it: then the vehicle has rebooted (``t_us`` goes on, a second after the newest, in a new epoch), or
 the link was down for long (``t_us`` jumps ahead).
+
+The clock itself is :func:`tick`, compiled, over a small array: the decoder calls it from its own
+kernel. :class:`VehicleClock` is that array with names.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from links.jit import kernel
 from links.vocabulary import Rejection
 
-__all__ = ["UNIX_FROM_US", "ClockResult", "Stamp", "VehicleClock"]
+__all__ = [
+    "NO_TIME",
+    "OUT_OF_RANGE",
+    "REASONS",
+    "TIMED",
+    "TIME_REVERSED",
+    "UNIX_FROM_US",
+    "ClockResult",
+    "Stamp",
+    "VehicleClock",
+    "tick",
+]
+
+Ints = NDArray[np.int64]
+Timed = tuple[int, int, int]
 
 UNIX_FROM_US = 100_000_000_000_000
 """A 64-bit stamp from here on is Unix time: 1e14 us is March 1973, or three years since boot."""
@@ -50,6 +69,15 @@ UNIX_STEP_US = 50_000
 
 _WRAP_MS_US = (1 << 32) * 1000
 _WRAP_US = 1 << 32
+_NEVER = -(1 << 63)
+
+TIMED = -1
+"""What :func:`tick` answers beside a time; otherwise a place in :data:`REASONS`."""
+
+REASONS = tuple(Rejection)
+NO_TIME = REASONS.index(Rejection.NO_TIME)
+OUT_OF_RANGE = REASONS.index(Rejection.OUT_OF_RANGE)
+TIME_REVERSED = REASONS.index(Rejection.TIME_REVERSED)
 
 
 class Stamp(IntEnum):
@@ -60,6 +88,21 @@ class Stamp(IntEnum):
     USEC = 2
     USEC_32 = 3
     FIX = 4
+
+
+_NONE, _BOOT_MS, _USEC_32, _FIX = 0, 1, 3, 4  # of Stamp, as the kernels read them
+
+# the clock's array
+_NEWEST, _LAST, _REBOOTS, _JUMPS = 0, 1, 2, 3
+_EPOCH = 4  # added to every stamp since boot
+_WRAP_MS = 5  # added to time_boot_ms besides
+_UNIX = 6  # added to Unix stamps
+_RUN, _OUTLIER = 7, 8  # agreeing outliers in a row, the last of them
+_FIXES = 9  # receivers known; then the message number and last stamp of each
+_MAX_FIXES = 8
+_BOOTS = _FIXES + 1 + 2 * _MAX_FIXES  # when the last epochs began
+_MAX_BOOTS = 16
+_SIZE = _BOOTS + _MAX_BOOTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +120,17 @@ class ClockResult:
     reason : dict of int to Rejection
     """
 
-    t_us: NDArray[np.int64]
-    stamp_us: NDArray[np.int64]
+    t_us: Ints
+    stamp_us: Ints
     ok: NDArray[np.bool_]
     reason: dict[int, Rejection]
+
+    @staticmethod
+    def of(times: Ints) -> ClockResult:
+        """From rows of what :func:`tick` answers, (3, n)."""
+        ok = times[2] == TIMED
+        lost = np.flatnonzero(~ok).tolist()
+        return ClockResult(times[0], times[1], ok, {i: REASONS[times[2, i]] for i in lost})
 
 
 class VehicleClock:
@@ -88,37 +138,57 @@ class VehicleClock:
 
     Attributes
     ----------
-    newest_us, last_us
-        Newest time so far and the time of the last stamped message [us]; None before the first.
-    reboots
-        Epochs begun after the first.
-    jumps
-        Jumps ahead by more than :data:`AHEAD_US` that were believed.
+    state : (m,) int64
+        What :func:`tick` keeps.
     """
 
     def __init__(self) -> None:
-        self.newest_us: int | None = None
-        self.last_us: int | None = None
-        self.reboots = 0
-        self.jumps = 0
-        self._epoch = 0  # added to every stamp since boot
-        self._wrap_ms = 0  # added to time_boot_ms besides
-        self._unix: int | None = None  # added to Unix stamps
-        self._run = 0  # agreeing outliers in a row
-        self._outlier = 0
-        self._last_fix: dict[int, int] = {}
+        self.state: Ints = np.zeros(_SIZE, np.int64)
+        self.state[[_NEWEST, _LAST, _UNIX]] = _NEVER
+
+    @property
+    def newest_us(self) -> int | None:
+        """Newest time so far [us]; None before the first."""
+        return self._known(_NEWEST)
+
+    @property
+    def last_us(self) -> int | None:
+        """Time of the last stamped message [us]; None before the first."""
+        return self._known(_LAST)
+
+    @property
+    def reboots(self) -> int:
+        """Epochs begun after the first."""
+        return int(self.state[_REBOOTS])
+
+    def boots_since(self, reboots: int) -> tuple[int, ...]:
+        """When each epoch after the first ``reboots`` began [us]; of the last 16.
+
+        Half-way between the newest time before and the first after.
+        """
+        first = max(reboots, self.reboots - _MAX_BOOTS)
+        return tuple(int(self.state[_BOOTS + k % _MAX_BOOTS]) for k in range(first, self.reboots))
+
+    @property
+    def jumps(self) -> int:
+        """Jumps ahead by more than :data:`AHEAD_US` that were believed."""
+        return int(self.state[_JUMPS])
+
+    def _known(self, at: int) -> int | None:
+        value = int(self.state[at])
+        return None if value == _NEVER else value
 
     def prime(self, first_us: int) -> None:
         """Set the time of what comes before the first stamped message."""
         if self.last_us is None:
-            self.newest_us = self.last_us = first_us
+            self.state[[_NEWEST, _LAST]] = first_us
 
     def advance(
         self,
-        kind: NDArray[np.int64],
-        raw_us: NDArray[np.int64],
-        source: NDArray[np.int64],
-        unix_us: dict[int, int],
+        kind: Ints,
+        raw_us: Ints,
+        source: Ints,
+        unix_us: Mapping[int, int],
     ) -> ClockResult:
         """Times of consecutive frames.
 
@@ -133,99 +203,142 @@ class VehicleClock:
         unix_us
             Frame index -> Unix time that goes with the frame's stamp (SYSTEM_TIME).
         """
-        n = len(kind)
-        t = [0] * n
-        stamps = [0] * n
-        reason: dict[int, Rejection] = {}
-        last, newest, epoch = self.last_us, self.newest_us, self._epoch
-        for i, (k, raw) in enumerate(zip(kind.tolist(), raw_us.tolist(), strict=True)):
-            if 0 < k < Stamp.USEC_32 and 0 < raw < UNIX_FROM_US and newest is not None:
-                s = raw + epoch + (self._wrap_ms if k == Stamp.BOOT_MS else 0)
-                ahead = s - newest
-                if -BACK_US <= ahead <= AHEAD_US:  # nearly always
-                    t[i] = last = s
-                    if ahead > 0:
-                        newest = s
-                    self._run = 0
-                    if i in unix_us:
-                        self._set_unix(s - unix_us[i])
-                    continue
-            self.last_us, self.newest_us = last, newest
-            answer = self._other(k, raw, int(source[i]))
-            if i in unix_us and k == Stamp.BOOT_MS and isinstance(answer, tuple):
-                self._set_unix(answer[0] - unix_us[i])
-            last, newest, epoch = self.last_us, self.newest_us, self._epoch
-            if isinstance(answer, Rejection):
-                reason[i] = answer
-            else:
-                t[i], stamps[i] = answer
-        self.last_us, self.newest_us = last, newest
-        ok = np.ones(n, np.bool_)
-        ok[list(reason)] = False
-        return ClockResult(np.array(t, np.int64), np.array(stamps, np.int64), ok, reason)
+        unix = np.zeros(len(kind), np.int64)
+        for i, value in unix_us.items():
+            unix[i] = value
+        return ClockResult.of(_advance(self.state, kind, raw_us, source, unix))
 
-    def _set_unix(self, offset: int) -> None:
-        if self._unix is None or abs(offset - self._unix) > UNIX_STEP_US:
-            self._unix = offset
 
-    def _other(self, kind: int, raw: int, source: int) -> tuple[int, int] | Rejection:
-        """(t_us, stamp_us) of a frame that does not simply go on, or why it has no time."""
-        if kind == Stamp.NONE or raw <= 0:
-            return Rejection.NO_TIME if self.last_us is None else (self.last_us, 0)
-        if raw >= UNIX_FROM_US or kind in (Stamp.USEC_32, Stamp.FIX):
-            if self.newest_us is None or self.last_us is None:
-                return Rejection.NO_TIME
-            s = self._follow(kind, raw, self.newest_us)
-            if kind == Stamp.FIX:
-                fresh = self._last_fix.get(source) != raw
-                self._last_fix[source] = raw
-                near = -BACK_US <= s - self.newest_us <= EPOCH_GAP_US
-                return (s if fresh and near else self.last_us), s
-            return s, 0
-        if self.newest_us is None:
-            self.newest_us = self.last_us = raw + self._epoch
-            return self.last_us, 0
-        return self._outlying(kind, raw, self.newest_us)
+@kernel
+def _advance(clock: Ints, kind: Ints, raw_us: Ints, source: Ints, unix_us: Ints) -> Ints:
+    times = np.empty((3, len(kind)), np.int64)
+    for i in range(len(kind)):
+        t, stamp, reason = tick(clock, kind[i], raw_us[i], source[i], unix_us[i])
+        times[0, i], times[1, i], times[2, i] = t, stamp, reason
+    return times
 
-    def _follow(self, kind: int, raw: int, newest: int) -> int:
-        """A stamp that does not drive the clock, on the vehicle's clock."""
-        if raw >= UNIX_FROM_US:
-            if self._unix is None or abs(raw + self._unix - newest) > BACK_US:
-                if kind == Stamp.FIX and self._unix is not None:
-                    return raw + self._unix  # a receiver that stopped keeps its old stamp
-                self._unix = newest - raw
-            return raw + self._unix
-        s = raw + self._epoch
-        if kind == Stamp.USEC_32:
-            s += round((newest - s) / _WRAP_US) * _WRAP_US
-            return s if -BACK_US <= s - newest <= AHEAD_US else newest
-        return s
 
-    def _outlying(self, kind: int, raw: int, newest: int) -> tuple[int, int] | Rejection:
-        """A driving stamp outside the window: the 32-bit wrap, a reboot, a long gap or nonsense."""
-        s = raw + self._epoch
-        if kind == Stamp.BOOT_MS:
-            s += self._wrap_ms
-            turns = round((newest - s) / _WRAP_MS_US)
-            if turns and -BACK_US <= s + turns * _WRAP_MS_US - newest <= AHEAD_US:
-                self._wrap_ms += turns * _WRAP_MS_US
-                s += turns * _WRAP_MS_US
-                self._run = 0
-                self.last_us, self.newest_us = s, max(s, newest)
-                return s, 0
-        agrees = self._run and -BACK_US <= s - self._outlier <= AHEAD_US
-        self._run = self._run + 1 if agrees else 1
-        self._outlier = s
-        if self._run < CONFIRM:
-            return Rejection.TIME_REVERSED if s < newest else Rejection.OUT_OF_RANGE
-        self._run = 0
-        if s < newest:
-            self.reboots += 1
-            self._wrap_ms = 0
-            self._unix = None
-            self._epoch = newest + EPOCH_GAP_US - raw
-            s = raw + self._epoch
-        else:
-            self.jumps += 1
-        self.last_us = self.newest_us = s
-        return s, 0
+@kernel
+def tick(clock: Ints, kind: int, raw: int, source: int, unix: int) -> Timed:
+    """Time of one frame: (``t_us``, ``stamp_us``, :data:`TIMED` or why it has no time).
+
+    Parameters
+    ----------
+    clock : (m,) int64
+        :attr:`VehicleClock.state`.
+    kind, raw, source
+        :class:`Stamp`, the stamp as sent [us], and who sent it.
+    unix
+        Unix time that goes with the stamp [us], else 0.
+    """
+    newest = clock[_NEWEST]
+    if _NONE < kind < _USEC_32 and 0 < raw < UNIX_FROM_US and newest != _NEVER:
+        s = raw + clock[_EPOCH]
+        if kind == _BOOT_MS:
+            s += clock[_WRAP_MS]
+        ahead = s - newest
+        if -BACK_US <= ahead <= AHEAD_US:  # nearly always
+            clock[_LAST] = s
+            if ahead > 0:
+                clock[_NEWEST] = s
+            clock[_RUN] = 0
+            if unix > 0:
+                _set_unix(clock, s - unix)
+            return s, 0, TIMED
+    t, stamp, reason = _unusual(clock, kind, raw, source)
+    if unix > 0 and kind == _BOOT_MS and reason == TIMED:
+        _set_unix(clock, t - unix)
+    return t, stamp, reason
+
+
+@kernel
+def _set_unix(clock: Ints, offset: int) -> None:
+    if clock[_UNIX] == _NEVER or abs(offset - clock[_UNIX]) > UNIX_STEP_US:
+        clock[_UNIX] = offset
+
+
+@kernel
+def _unusual(clock: Ints, kind: int, raw: int, source: int) -> Timed:
+    """What :func:`tick` answers for a frame that does not simply go on."""
+    newest, last = clock[_NEWEST], clock[_LAST]
+    if kind == _NONE or raw <= 0:
+        return (0, 0, NO_TIME) if last == _NEVER else (last, 0, TIMED)
+    if raw >= UNIX_FROM_US or kind in (_USEC_32, _FIX):
+        if newest == _NEVER:
+            return 0, 0, NO_TIME
+        s = _follow(clock, kind, raw)
+        if kind != _FIX:
+            return s, 0, TIMED
+        fresh = _is_fresh(clock, source, raw)
+        near = -BACK_US <= s - newest <= EPOCH_GAP_US
+        return (s if fresh and near else last), s, TIMED
+    if newest == _NEVER:
+        clock[_NEWEST] = clock[_LAST] = raw + clock[_EPOCH]
+        return clock[_LAST], 0, TIMED
+    return _outlying(clock, kind, raw)
+
+
+@kernel
+def _is_fresh(clock: Ints, source: int, raw: int) -> bool:
+    """Whether a receiver's stamp differs from its last one, which is kept."""
+    known = clock[_FIXES]
+    k = 0
+    while k < known and clock[_FIXES + 1 + 2 * k] != source:
+        k += 1
+    at = _FIXES + 1 + 2 * min(k, _MAX_FIXES - 1)
+    fresh = bool(k == known or clock[at + 1] != raw)
+    if k == known:
+        clock[_FIXES] = min(known + 1, _MAX_FIXES)
+    clock[at], clock[at + 1] = source, raw
+    return fresh
+
+
+@kernel
+def _follow(clock: Ints, kind: int, raw: int) -> int:
+    """A stamp that does not drive the clock, on the vehicle's clock."""
+    newest, unix = int(clock[_NEWEST]), int(clock[_UNIX])
+    if raw >= UNIX_FROM_US:
+        if unix == _NEVER or abs(raw + unix - newest) > BACK_US:
+            if kind == _FIX and unix != _NEVER:
+                return raw + unix  # a receiver that stopped keeps its old stamp
+            unix = newest - raw
+            clock[_UNIX] = unix
+        return raw + unix
+    s = raw + int(clock[_EPOCH])
+    if kind == _USEC_32:
+        s += int(np.rint((newest - s) / _WRAP_US)) * _WRAP_US
+        return s if -BACK_US <= s - newest <= AHEAD_US else newest
+    return s
+
+
+@kernel
+def _outlying(clock: Ints, kind: int, raw: int) -> Timed:
+    """A driving stamp outside the window: the 32-bit wrap, a reboot, a long gap or nonsense."""
+    newest = clock[_NEWEST]
+    s = raw + clock[_EPOCH]
+    if kind == _BOOT_MS:
+        s += clock[_WRAP_MS]
+        turns = int(np.rint((newest - s) / _WRAP_MS_US))
+        if turns != 0 and -BACK_US <= s + turns * _WRAP_MS_US - newest <= AHEAD_US:
+            clock[_WRAP_MS] += turns * _WRAP_MS_US
+            s += turns * _WRAP_MS_US
+            clock[_RUN] = 0
+            clock[_LAST], clock[_NEWEST] = s, max(s, newest)
+            return s, 0, TIMED
+    agrees = clock[_RUN] > 0 and -BACK_US <= s - clock[_OUTLIER] <= AHEAD_US
+    clock[_RUN] = clock[_RUN] + 1 if agrees else 1
+    clock[_OUTLIER] = s
+    if clock[_RUN] < CONFIRM:
+        return 0, 0, (TIME_REVERSED if s < newest else OUT_OF_RANGE)
+    clock[_RUN] = 0
+    if s < newest:
+        clock[_BOOTS + clock[_REBOOTS] % _MAX_BOOTS] = newest + EPOCH_GAP_US // 2
+        clock[_REBOOTS] += 1
+        clock[_WRAP_MS] = 0
+        clock[_UNIX] = _NEVER
+        clock[_EPOCH] = newest + EPOCH_GAP_US - raw
+        s = raw + clock[_EPOCH]
+    else:
+        clock[_JUMPS] += 1
+    clock[_LAST] = clock[_NEWEST] = s
+    return s, 0, TIMED

@@ -131,10 +131,14 @@ class Batch:
         Sensor name -> structured array of its dtype, ``seq`` strictly increasing.
     rejected
         (sensor or ``"frame"``, reason) -> count.
+    boots
+        Vehicle times at which the vehicle began anew [us]: it was switched off, or rebooted. Rows
+        of the new epoch have a later time, all before an earlier one.
     """
 
     rows: Mapping[str, Rows] = field(default_factory=dict)
     rejected: Counter[tuple[str, Rejection]] = field(default_factory=Counter)
+    boots: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return sum(len(r) for r in self.rows.values())
@@ -144,17 +148,26 @@ class Batch:
         """One batch of several consecutive ones."""
         parts: dict[str, list[Rows]] = {}
         rejected: Counter[tuple[str, Rejection]] = Counter()
+        boots: list[int] = []
         for batch in batches:
+            boots += batch.boots
             for sensor, rows in batch.rows.items():
                 parts.setdefault(sensor, []).append(rows)
             rejected.update(batch.rejected)
-        return Batch({s: np.concatenate(p) for s, p in parts.items()}, rejected)
+        return Batch({s: np.concatenate(p) for s, p in parts.items()}, rejected, tuple(boots))
 
     def split(self, seqs: Iterable[int]) -> list[Batch]:
         """Consecutive batches cut before each arrival number of ``seqs`` (ascending)."""
         edges = [np.iinfo(np.int64).min, *seqs, np.iinfo(np.int64).max]
+        begun = [(self._first_seq(boot), boot) for boot in self.boots]
         out = []
         for lo, hi in itertools.pairwise(edges):
             rows = {s: r[(r["seq"] >= lo) & (r["seq"] < hi)] for s, r in self.rows.items()}
-            out.append(Batch({s: r for s, r in rows.items() if len(r)}))
+            boots = tuple(boot for seq, boot in begun if lo <= seq < hi)
+            out.append(Batch({s: r for s, r in rows.items() if len(r)}, boots=boots))
         return out
+
+    def _first_seq(self, t_us: int) -> int:
+        """Arrival number of the first row from this time on, 0 if there is none."""
+        later = (r["seq"][r["t_us"] >= t_us] for r in self.rows.values())
+        return min((int(seq.min()) for seq in later if len(seq)), default=0)

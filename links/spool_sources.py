@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from links.catalog import SOURCES, Fill, Source, named_source
+from links.conversions import Condition, Conversion
 
 __all__ = ["SPOOL_PARTS", "spool_source"]
 
@@ -48,7 +49,7 @@ def spool_source(sensor: str, part: str, rpm_per_unit: float = 1.0) -> Source:
             source,
             sensor=sensor,
             instance=None,
-            only=lambda p: p["index"] == number,
+            only=Condition("index", equals=number),
             fills=tuple(_scaled(f, rpm_per_unit) for f in source.fills),
         )
     if name and part in known:
@@ -75,10 +76,10 @@ def _scaled(fill: Fill, factor: float) -> Fill:
     if factor == 1.0:
         return fill
     compute, invert = fill.compute, fill.invert
-    if compute is None:
+    if not isinstance(compute, Conversion):
         return replace(fill, scale=fill.scale * factor)
     return replace(
         fill,
-        compute=lambda p: factor * compute(p),
+        compute=replace(compute, factor=compute.factor * factor),
         invert=None if invert is None else lambda p, values: invert(p, values / factor),
     )

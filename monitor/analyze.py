@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,36 +16,18 @@ from links.mavlink.dialect import enum_word
 from links.samples import Rows
 from monitor import summary
 from monitor.baselines import BaselineTap
+from monitor.estimate_files import EstimateFiles, EstimateSink
 from monitor.learn.flights import vehicle_words
 from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
-from monitor.settings import Settings
+from monitor.settings import Settings, changed
 from monitor.verdict import StepResult, Verdict
 
-__all__ = ["Analysis", "Recording", "analyze_log"]
+__all__ = ["MISSING_REPORT_EXTRA", "Analysis", "analyze_into", "analyze_log"]
 
-MISSING_REPORT_EXTRA = (
-    "summary.json only: `pip install mavsentry[report]` adds the estimates as Parquet files"
-)
+MISSING_REPORT_EXTRA = "`pip install mavsentry[report]` adds the estimates as Parquet files"
 
-
-@dataclass(slots=True)
-class Recording:
-    """Gathers what a pipeline says over a stream: verdicts in time order, estimates per name."""
-
-    verdicts: list[Verdict] = field(default_factory=list)
-    _estimates: dict[str, list[Rows]] = field(default_factory=dict)
-
-    def add(self, result: StepResult) -> None:
-        """Append one step's verdicts and estimates."""
-        self.verdicts += result.verdicts
-        for name, rows in result.estimates.items():
-            self._estimates.setdefault(name, []).append(rows)
-
-    @property
-    def estimates(self) -> dict[str, Rows]:
-        """Name -> all estimate rows in time order."""
-        return {name: np.concatenate(parts) for name, parts in self._estimates.items()}
+Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +40,19 @@ class Analysis:
         The log.
     summary
         ``summary.json`` as a dictionary (DESIGN section 6).
+    settings
+        The configuration.
     verdicts
-        Every change of state of every sensor, in time order.
-    estimates
-        Name (``air``, ``imu0`` ...) -> structured array.
+        Every change of state of every sensor, in time order; the first 100,000.
+    files
+        What was written, ``summary.json`` first.
     """
 
     path: Path
     summary: dict[str, Any]
+    settings: Settings
     verdicts: list[Verdict]
-    estimates: dict[str, Rows]
+    files: list[Path] = field(default_factory=list)
 
     @property
     def faults(self) -> list[dict[str, Any]]:
@@ -74,81 +60,151 @@ class Analysis:
         found: list[dict[str, Any]] = self.summary["faults"]
         return found
 
-    def final_states(self) -> dict[str, Verdict]:
-        """Each sensor's last verdict."""
-        return {v.sensor: v for v in self.verdicts}
-
-    def write(self, out: Path) -> list[Path]:
-        """Write ``summary.json`` and, with the ``report`` extra, ``estimates/*.parquet``.
-
-        Parameters
-        ----------
-        out
-            Folder; the files go to ``out/<log stem>/``.
-
-        Returns
-        -------
-        list of Path
-            The files written.
+    def write(self, folder: Path, estimates: Mapping[str, Rows]) -> list[Path]:
+        """Write ``summary.json`` and ``estimates/`` of a short flight that stands in memory.
 
         Raises
         ------
         OSError
             The folder cannot be made or written.
         """
-        folder = out / self.path.stem
-        folder.mkdir(parents=True, exist_ok=True)
-        written = [folder / "summary.json"]
-        text = json.dumps(self.summary, indent=1, allow_nan=False)
-        written[0].write_text(text + "\n", encoding="utf-8")
-        try:
-            import pyarrow  # noqa: F401
-        except ModuleNotFoundError:
-            return written
-        from monitor.parquet import write_estimates
-
-        return written + write_estimates(self.estimates, folder / "estimates")
+        with EstimateFiles(folder / "estimates", _about(self.path, self.settings)) as files:
+            files.add(estimates)
+            return [_write_summary(self.summary, folder), *files.finish(_times(self.summary))]
 
 
 def analyze_log(
-    path: Path, settings: Settings, progress: Callable[[int, int], None] | None = None
+    path: Path,
+    settings: Settings,
+    progress: Progress | None = None,
+    sink: EstimateSink | None = None,
 ) -> Analysis:
-    """Run the pipeline over a log.
+    """Run the pipeline over a log, in memory that does not grow with the log.
 
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A log file of a supported format.
     settings
         Configuration.
     progress
         Called with (bytes read, bytes in all) after each batch.
+    sink
+        Takes the estimates as they come; without it they are dropped.
 
     Raises
     ------
     links.logs.LogError
         The file cannot be read as a log, in one plain sentence.
+    OSError
+        The sink cannot write.
     """
     log = open_log(path, settings.links.decoder_options())
     baselines = BaselineTap()
     pipeline = Pipeline(settings, taps=[baselines])
-    recording = Recording()
-    for batch in log:
-        recording.add(pipeline.feed(batch))
-        if progress is not None:
-            progress(log.info.bytes_read, log.info.bytes)
-    recording.add(pipeline.finish())
+    ledger = summary.Ledger()
+
+    def use(result: StepResult) -> None:
+        ledger.add(result.verdicts)
+        if sink is not None:
+            sink.add(result.estimates)
+
+    # What a log holds may be no number at all: it is rejected, not complained about.
+    with np.errstate(all="ignore"):
+        for batch in log:
+            use(pipeline.feed(batch))
+            if progress is not None:
+                progress(log.info.bytes_read, log.info.bytes)
+        use(pipeline.finish())
     return Analysis(
         path,
-        summarize(log.info, pipeline, recording.verdicts)
+        summarize(log.info, pipeline, ledger)
         | {"learnt": provenance(settings.learnt, path, vehicle_words(log.info.vehicle))}
-        | {"baselines": baselines.summary(log.info.first_t_us)},
-        recording.verdicts,
-        recording.estimates,
+        | {"baselines": baselines.summary(log.info.first_t_us)}
+        | {"made_by": _made_by(settings)},
+        settings,
+        ledger.verdicts,
     )
 
 
-def summarize(info: LogInfo, pipeline: Pipeline, verdicts: list[Verdict]) -> dict[str, Any]:
+def analyze_into(
+    folder: Path,
+    path: Path,
+    settings: Settings,
+    progress: Progress | None = None,
+    *,
+    csv: bool = False,
+) -> Analysis:
+    """Run the pipeline over a log and write ``summary.json`` and ``estimates/`` into a folder.
+
+    The estimates are Parquet files where the ``report`` extra is installed, and CSV files with
+    ``csv``. They are written while the log is read; a log that turns out to be unusable leaves
+    nothing behind, and an earlier analysis in the folder as it was. ``summary.json`` comes last.
+
+    Raises
+    ------
+    links.logs.LogError
+        The file cannot be read as a log, in one plain sentence.
+    OSError
+        The folder cannot be made or written.
+    """
+    with EstimateFiles(folder / "estimates", _about(path, settings), csv=csv) as files:
+        analysis = analyze_log(path, settings, progress, files)
+        written = files.finish(_times(analysis.summary))
+    analysis.files.extend([_write_summary(analysis.summary, folder), *written])
+    return analysis
+
+
+def _write_summary(content: Mapping[str, Any], folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "summary.json"
+    unfinished = folder / "summary.json.unfinished"
+    try:
+        unfinished.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", "utf-8")
+        unfinished.replace(file)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return file
+
+
+def _made_by(settings: Settings) -> dict[str, Any]:
+    return {
+        "version": version("mavsentry"),
+        "profile": settings.profile,
+        "changed": changed(settings),
+    }
+
+
+def _about(path: Path, settings: Settings) -> dict[str, str]:
+    """Metadata of the files of estimates."""
+    return {
+        "mavsentry.schema": "mavsentry/estimates/1",
+        "mavsentry.version": version("mavsentry"),
+        "mavsentry.configuration": settings.model_dump_json(),
+        "mavsentry.log": path.name,
+    }
+
+
+def _times(content: Mapping[str, Any]) -> dict[str, str]:
+    """What of a log's times belongs into the files of estimates."""
+    log = content["log"]
+    return {
+        f"mavsentry.{key}": str(log[key])
+        for key in ("first_t_us", "start_unix_us")
+        if log[key] is not None
+    }
+
+
+def _gaps(info: LogInfo) -> list[dict[str, float]]:
+    """When nothing was recorded: Unix time in a telemetry log, vehicle time in others."""
+    zero_us = (info.start_unix_us or 0) if info.format == "tlog" else info.first_t_us
+    return [
+        {"at_s": round((at_us - zero_us) / 1e6, 3), "seconds": round(length_us / 1e6, 3)}
+        for at_us, length_us in info.gaps
+    ]
+
+
+def summarize(info: LogInfo, pipeline: Pipeline, ledger: summary.Ledger) -> dict[str, Any]:
     """``summary.json`` of a finished pipeline over a log."""
     first_us = info.first_t_us
     return {
@@ -162,6 +218,8 @@ def summarize(info: LogInfo, pipeline: Pipeline, verdicts: list[Verdict]) -> dic
             "duration_s": info.duration_s,
             "first_t_us": first_us,
             "start_unix_us": info.start_unix_us,
+            "gaps": _gaps(info),
+            "boots_s": [round((t_us - first_us) / 1e6, 3) for t_us in pipeline.boots],
         },
         "vehicle": {
             "system_id": info.vehicle.system_id,
@@ -169,8 +227,9 @@ def summarize(info: LogInfo, pipeline: Pipeline, verdicts: list[Verdict]) -> dic
             "type": enum_word("MAV_TYPE", info.vehicle.type),
         },
         "streams": summary.streams(pipeline, info.sources),
-        "monitored": summary.monitored(verdicts, first_us, pipeline.now_us),
-        "faults": summary.faults(verdicts, first_us),
-        "events": summary.events(verdicts, first_us),
+        "monitored": ledger.monitored(first_us, pipeline.now_us),
+        "faults": ledger.faults(first_us),
+        "events": ledger.events(first_us),
         "rejected": summary.rejected(pipeline),
+        "left_out": ledger.left_out,
     }

@@ -20,6 +20,7 @@ EKF3's lanes could not be followed from the log's samples.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -61,6 +62,9 @@ SEA_LEVEL_PA: Final = 101325.0
 DENSITY_EXPONENT: Final = 0.5 * 0.80974
 """sqrt(rho_0 / rho) = (p_0 / p)^this in the standard atmosphere, troposphere."""
 
+LISTED: Final = 10_000
+"""Findings of one check, and lines of the autopilot, that are kept."""
+
 _ABOUT = re.compile(r"airspeed|arspd|pitot|\bimu|ekf|gps|gyro|accel|lane", re.IGNORECASE)
 _NOT_ABOUT = re.compile(r"^No ap_message", re.IGNORECASE)
 _USE = re.compile(r"ARSPD[2-9]?_USE")
@@ -84,6 +88,7 @@ class BaselineTap:
         self._px4_airspeed = PX4Airspeed()
         self._px4_imus = PX4ImuSelector()
         self._found: dict[str, list[Floats]] = {}
+        self._kept: Counter[str] = Counter()
         self._texts: dict[tuple[int, str], int] = {}
 
     def step(self, rows: Mapping[str, Rows]) -> None:
@@ -136,7 +141,9 @@ class BaselineTap:
         }
 
     def _keep(self, name: str, found: Floats) -> None:
+        found = found[: LISTED - self._kept[name]]
         if len(found):
+            self._kept[name] += len(found)
             self._found.setdefault(name, []).append(found)
 
     def _rows(self, name: str, columns: int) -> Floats:
@@ -146,6 +153,8 @@ class BaselineTap:
     def _listen(self, rows: Rows) -> None:
         for row in rows:
             text = bytes(row["text"]).decode("utf-8", "replace").strip("\0 ")
+            if len(self._texts) == LISTED:
+                return
             if _ABOUT.search(text) and not _NOT_ABOUT.search(text):
                 self._texts.setdefault((int(row["t_us"]), text), int(row["severity"]))
 

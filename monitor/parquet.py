@@ -1,57 +1,58 @@
-"""Estimates as Parquet files, one per estimator, with the unit in every column name."""
+"""One estimator's rows as a Parquet file that grows while a log is read (extra ``report``)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from links.samples import Rows
+from monitor.columns import flat, unit_of
 
-__all__ = ["write_estimates"]
-
-_AXES = ("x", "y", "z")
-_EARTH = ("north", "east", "down")
+__all__ = ["ParquetFile"]
 
 
-def write_estimates(estimates: Mapping[str, Rows], folder: Path) -> list[Path]:
-    """Write one Parquet file per name; vector fields become one column per axis,
-    or numbered ones where the vector is none of space.
+class ParquetFile:
+    """Writes row groups; every column's unit stands in its metadata under ``unit``.
+
+    Parameters
+    ----------
+    path
+        The file, made anew.
+    first
+        Rows that tell the columns; they are not written.
+    about
+        Metadata of the table.
 
     Raises
     ------
     OSError
-        The folder cannot be made or written.
+        Here and on every call: the file cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, rows in estimates.items():
-        file = folder / f"{name}.parquet"
-        pq.write_table(pa.table(_columns(rows)), file)
-        written.append(file)
-    return written
 
+    suffix = ".parquet"
 
-def _columns(rows: Rows) -> dict[str, pa.Array]:
-    columns: dict[str, pa.Array] = {}
-    for field in rows.dtype.names or ():
-        values = rows[field]
-        if values.ndim == 1:
-            columns[field] = pa.array(values)
-            continue
-        if values.shape[1] == len(_AXES):
-            axes: tuple[str, ...] = _EARTH if "_ned" in field else _AXES
-        else:
-            axes = tuple(str(k + 1) for k in range(values.shape[1]))
-        stem = field.replace("_ned", "")
-        for axis, column in zip(axes, values.T, strict=True):
-            columns[_with_axis(stem, axis)] = pa.array(column)
-    return columns
+    def __init__(self, path: Path, first: Rows, about: Mapping[str, str]) -> None:
+        self._schema = pa.schema(
+            [
+                pa.field(name, pa.from_numpy_dtype(column.dtype), metadata={"unit": unit_of(name)})
+                for name, column in flat(first[:0]).items()
+            ],
+            metadata=dict(about),
+        )
+        # Floating-point columns of a filter repeat no value: a dictionary would only cost time.
+        self._file = pq.ParquetWriter(path, self._schema, compression="zstd", use_dictionary=False)
 
+    def write(self, rows: Rows) -> None:
+        """Append rows as one row group."""
+        columns = [pa.array(np.ascontiguousarray(column)) for column in flat(rows).values()]
+        self._file.write_table(pa.table(columns, schema=self._schema))
 
-def _with_axis(field: str, axis: str) -> str:
-    """``wind_std_m_s`` and ``north`` give ``wind_north_std_m_s``."""
-    head, _, tail = field.partition("_")
-    return f"{head}_{axis}_{tail}"
+    def close(self, more: Mapping[str, str]) -> None:
+        """Finish the file; ``more`` is what only the end of the log told, for its footer."""
+        if more:
+            self._file.add_key_value_metadata(dict(more))
+        self._file.close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -26,7 +26,11 @@ _EVENT = np.dtype(
 
 
 class PhaseTracker:
-    """Emits a ``phase`` row at each change between flying and not flying."""
+    """Emits a ``phase`` row at each change between flying and not flying.
+
+    A vehicle that boots is not flying until it is seen to fly, and where it stood before says
+    nothing of where it stands now.
+    """
 
     def __init__(self, settings: PhaseSettings) -> None:
         self._par = np.array(
@@ -47,8 +51,30 @@ class PhaseTracker:
         """Whether the aircraft flies now."""
         return bool(self._state[fp.FLYING] > 0.5)
 
-    def step(self, rows: Mapping[str, Rows]) -> Rows:
-        """Use released rows (each sensor in time order); return the new ``phase`` rows."""
+    def step(self, rows: Mapping[str, Rows], boots: Sequence[int] = ()) -> Rows:
+        """Use released rows (each sensor in time order); return the new ``phase`` rows.
+
+        Parameters
+        ----------
+        boots
+            Times among these rows at which the vehicle began anew, ascending [us].
+        """
+        events = self._merged(rows)
+        if not boots:
+            return self._track(events)
+        parts = []
+        edges = np.searchsorted(events["t_us"], np.array(boots))
+        for before, boot in zip(np.split(events, edges), (*boots, None), strict=True):
+            parts.append(self._track(before))
+            if boot is None:
+                break
+            if self.flying:
+                parts.append(np.array([(0, boot, False)], PHASE_ROW))
+            self._state = fp.initial_state()
+        return np.concatenate(parts)
+
+    def _merged(self, rows: Mapping[str, Rows]) -> Rows:
+        """What speed and height are told by, in order."""
         parts = []
         if (gps := rows.get("gps0")) is not None:
             parts.append(_events(gps, fp.RECEIVER))
@@ -56,9 +82,13 @@ class PhaseTracker:
         if (nav := rows.get("nav")) is not None:
             parts.append(_events(nav, fp.NAV))
         if not parts:
-            return np.zeros(0, PHASE_ROW)
+            return np.zeros(0, _EVENT)
         events = np.concatenate(parts)
-        events = events[np.lexsort((events["seq"], events["t_us"]))]
+        return events[np.lexsort((events["seq"], events["t_us"]))]
+
+    def _track(self, events: Rows) -> Rows:
+        if not len(events):
+            return np.zeros(0, PHASE_ROW)
         index = np.empty(len(events), np.int64)
         was = self.flying
         count = fp.track_phase(

@@ -23,6 +23,7 @@ from monitor.watch import build_watches
 
 __all__ = ["Pipeline"]
 
+_MAX_BOOTS = 1000
 _REFERENCES = frozenset({"gps", "attitude"})
 
 
@@ -35,6 +36,8 @@ class Pipeline:
         Vehicle time up to which everything has been judged [us].
     rejected
         (sensor or "frame", reason) -> count, of the links and of the ordering.
+    boots
+        Vehicle times at which the vehicle began anew [us]; the first 1000.
     """
 
     def __init__(
@@ -55,12 +58,15 @@ class Pipeline:
         self._taps = taps
         self._judged: dict[str, Verdict] = {}
         self._states: dict[str, Verdict] = {}
+        self._boots: list[int] = []
+        self.boots: list[int] = []
         self._link_rejected: Counter[tuple[str, Rejection]] = Counter()
         self.now_us = self._ordering.watermark_us
 
     def feed(self, batch: Batch) -> StepResult:
         """Use a batch; return the verdicts and estimates that it made due."""
         self._link_rejected.update(batch.rejected)
+        self._boots += batch.boots
         released = self._ordering.feed(batch.rows)
         return self._step(released, self._ordering.watermark_us)
 
@@ -105,7 +111,11 @@ class Pipeline:
         if not released and until_us <= self.now_us:
             return StepResult()
         changes = self._streams.step(released, until_us)
-        phase = self._phase.step(released)
+        boots = [t_us for t_us in self._boots if t_us < until_us]
+        phase = self._phase.step(released, boots)
+        if boots:
+            self._boots = self._boots[len(boots) :]
+            self.boots += boots[: _MAX_BOOTS - len(self.boots)]
         if len(phase):
             released["phase"] = phase
         for tap in self._taps:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from estimators.jit import is_cold
+from links.mavlink import Decoder, encode
 from links.samples import Batch, Rows, empty_rows
 from monitor.baselines import BaselineTap
 from monitor.pipeline import Pipeline
@@ -69,6 +70,8 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
     began_s = time.monotonic()
     if is_cold():
         say(COMPILING)
+    beat = encode("HEARTBEAT", type=1, autopilot=3)
+    Decoder(settings.links.decoder_options()).feed(beat + encode("ATTITUDE", time_boot_ms=1))
     pipeline = Pipeline(settings, taps=[BaselineTap()])
     pipeline.feed(made_up_flight(2.0 * settings.phase.flying_speed_m_s))
     pipeline.finish()

@@ -6,16 +6,28 @@ then ask ``reader.info``.
 
 from pathlib import Path
 
-from links.logs.tlog import LogError, LogInfo, TlogReader, TlogWriter, read_tlog
+from links.logs.base import LogError, LogInfo, LogReader
+from links.logs.tlog import TlogReader, TlogWriter, read_tlog
+from links.logs.ulog import UlogReader, read_ulog
 from links.mavlink.options import DecoderOptions
 
-__all__ = ["LogError", "LogInfo", "TlogReader", "TlogWriter", "open_log", "read_tlog"]
+__all__ = [
+    "LogError",
+    "LogInfo",
+    "LogReader",
+    "TlogReader",
+    "TlogWriter",
+    "UlogReader",
+    "open_log",
+    "read_tlog",
+    "read_ulog",
+]
 
 _ULOG_MAGIC = b"ULog\x01\x12\x35"
 _DATAFLASH_MAGIC = b"\xa3\x95\x80"
 
 
-def open_log(path: Path | str, options: DecoderOptions | None = None) -> TlogReader:
+def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogReader:
     """Reader of a log file, chosen by what the file is.
 
     Raises
@@ -35,7 +47,7 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> TlogRea
         raise LogError(f"{path} is empty")
     suffix = path.suffix.lower()
     if head.startswith(_ULOG_MAGIC) or suffix == ".ulg":
-        raise LogError(f"{path}: not supported yet: PX4 ULog (.ulg)")
+        return read_ulog(path, options)
     if head.startswith(_DATAFLASH_MAGIC) or suffix in (".bin", ".log"):
         raise LogError(f"{path}: not supported yet: ArduPilot DataFlash (.BIN)")
     return read_tlog(path, options)

@@ -7,8 +7,7 @@ give the same samples. Damaged and cut-off files are read as far as they go.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -16,71 +15,22 @@ from typing import IO, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo
+from links.mavlink.columns import ColumnDecoder, Columns
 from links.mavlink.decode import Decoder
 from links.mavlink.framing import NO_STAMP
-from links.mavlink.options import DecoderOptions, Vehicle
+from links.mavlink.options import DecoderOptions
 from links.samples import Batch
 
-__all__ = ["CHUNK", "LogError", "LogInfo", "TlogReader", "TlogWriter", "read_tlog"]
+__all__ = ["TlogReader", "TlogWriter", "read_tlog", "tlog_columns"]
 
-CHUNK = 1 << 20
-"""Bytes read at a time."""
+DAY_US = 86_400_000_000
+"""No record is older than this before the first that has a time of its own [us]."""
 
 GAP_US = 5_000_000
 """Two stamps further apart than this are a gap of the recording [us]."""
 
-_MAX_GAPS = 1000
 _STAMP = struct.Struct(">Q")
-
-
-class LogError(Exception):
-    """A log file that cannot be used; the message is one plain sentence."""
-
-
-@dataclass(slots=True)
-class LogInfo:
-    """What a log file is; complete when it has been read to its end.
-
-    Attributes
-    ----------
-    path, format
-        The file; ``"tlog"``.
-    bytes, bytes_read
-        Size of the file, and how much of it has been read.
-    messages, bad_bytes
-        Checked frames of all systems; bytes that belonged to no frame.
-    first_t_us, last_t_us
-        Vehicle time of the log's first record and newest vehicle time [us]. The first record may
-        have no time of its own; the Unix stamps tell how long it was before those that have
-        (negative when the record is older than the vehicle's boot).
-    start_unix_us, end_unix_us
-        First and last Unix stamp [us], None without one.
-    vehicle
-        Whose log it is; all zero before it is known.
-    sources
-        Sensor -> messages that it was taken from, the most used first.
-    gaps
-        (Unix time of the last stamp before the gap [us], its length [us]), the first 1000.
-    """
-
-    path: Path
-    format: str
-    bytes: int = 0
-    bytes_read: int = 0
-    messages: int = 0
-    bad_bytes: int = 0
-    first_t_us: int = 0
-    last_t_us: int = 0
-    start_unix_us: int | None = None
-    end_unix_us: int | None = None
-    vehicle: Vehicle = field(default_factory=lambda: Vehicle(0, 0, 0))
-    sources: dict[str, str] = field(default_factory=dict)
-    gaps: list[tuple[int, int]] = field(default_factory=list)
-
-    @property
-    def duration_s(self) -> float:
-        """Vehicle time from the first record to the newest sample [s]."""
-        return (self.last_t_us - self.first_t_us) * 1e-6
 
 
 class TlogReader:
@@ -136,7 +86,9 @@ class TlogReader:
         info.first_t_us = decoder.first_t_us or 0
         offset = decoder.t_us_of_unix_zero
         if offset is not None and info.start_unix_us is not None:
-            info.first_t_us = min(info.start_unix_us + offset, info.first_t_us)
+            stamped = info.start_unix_us + offset
+            if 0 < info.first_t_us - stamped < DAY_US:  # else the stamps are no times
+                info.first_t_us = stamped
         return batch
 
     def _note_stamps(self, stamps: NDArray[np.int64]) -> None:
@@ -146,7 +98,7 @@ class TlogReader:
             return
         before = stamps[0] if info.end_unix_us is None else info.end_unix_us
         steps = np.diff(stamps, prepend=before)
-        for i in np.flatnonzero(steps > GAP_US)[: _MAX_GAPS - len(info.gaps)].tolist():
+        for i in np.flatnonzero(steps > GAP_US)[: MAX_GAPS - len(info.gaps)].tolist():
             info.gaps.append((int(stamps[i] - steps[i]), int(steps[i])))
         if info.start_unix_us is None:
             info.start_unix_us = int(stamps[0])
@@ -158,6 +110,34 @@ def read_tlog(
 ) -> TlogReader:
     """Batches of a telemetry log, read in bounded chunks."""
     return TlogReader(Path(path), options, chunk=chunk)
+
+
+def tlog_columns(
+    path: Path | str,
+    dialect: str = "ardupilotmega",
+    *,
+    messages: Collection[str] | None = None,
+) -> Columns:
+    """Every field of a telemetry log's messages, all at once: it must fit into memory.
+
+    Parameters
+    ----------
+    messages
+        Names of those wanted; None for all.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read.
+    ValueError
+        When pymavlink has no such dialect, or the dialect no such message.
+    """
+    decoder = ColumnDecoder(dialect, stamped=True, messages=messages)
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror or error}") from None
+    return decoder.finish(data)
 
 
 class TlogWriter:

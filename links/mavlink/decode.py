@@ -27,7 +27,7 @@ from links.mavlink.framing import NO_STAMP, Framer, Frames
 from links.mavlink.options import Counters, DecoderOptions, Vehicle
 from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, gather_payloads, instances
-from links.mavlink.sourcing import AUTOPILOT_INVALID, Entry, source_table
+from links.mavlink.sourcing import Entry, source_table
 from links.ranking import Candidate, SourceRanking
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
@@ -162,9 +162,10 @@ class Decoder:
         if self._held is not None:
             frames = self._hold(Frames.join(self._held, frames), rejected, final)
         self.timed = _NOTHING
+        before = self._clock.reboots
         rows = self._rows(frames, rejected) if len(frames) else {}
         self.counters.reboots = self._clock.reboots
-        return Batch(rows, rejected)
+        return Batch(rows, rejected, self._clock.boots_since(before))
 
     def _count(self, frames: Frames) -> None:
         counters = self.counters
@@ -222,7 +223,7 @@ class Decoder:
         wanted = self.options.system_id
         payloads = gather_payloads(beats, np.arange(len(beats)), message)
         for system, beat in zip(beats.system, payloads, strict=True):
-            if beat["autopilot"] != AUTOPILOT_INVALID and wanted in (None, int(system)):
+            if beat["autopilot"] != catalog.AUTOPILOT_INVALID and wanted in (None, int(system)):
                 self._system = int(system)
                 self.vehicle = Vehicle(self._system, int(beat["autopilot"]), int(beat["type"]))
                 self._rank(self.vehicle.autopilot)

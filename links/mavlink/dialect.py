@@ -9,12 +9,13 @@ from __future__ import annotations
 import importlib
 import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["CRC_TABLE", "Dialect", "Message", "enum_word", "load_dialect"]
 
@@ -77,12 +78,18 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """Messages of one dialect by number and by name, and ``crc_extra`` alone for the framer."""
+    """Messages of one dialect by number and by name.
+
+    Attributes
+    ----------
+    extras : (m,) int16
+        Message number -> CRC_EXTRA + 1, 0 where the dialect has no such message: for the framer.
+    """
 
     name: str
     by_id: Mapping[int, Message]
     by_name: Mapping[str, Message]
-    crc_extra: Mapping[int, int]
+    extras: NDArray[np.int16]
 
 
 def _extension_fields(cls: Any) -> int:
@@ -141,6 +148,13 @@ def _message(cls: Any) -> Message:
     )
 
 
+def _extras(messages: Sequence[Message]) -> NDArray[np.int16]:
+    extras = np.zeros(max(m.id for m in messages) + 1, np.int16)
+    for m in messages:
+        extras[m.id] = m.crc_extra + 1
+    return extras
+
+
 @lru_cache(maxsize=4)
 def load_dialect(name: str = "ardupilotmega") -> Dialect:
     """Tables of a dialect that pymavlink ships (``"ardupilotmega"``, ``"common"``, ``"all"`` ...).
@@ -161,7 +175,7 @@ def load_dialect(name: str = "ardupilotmega") -> Dialect:
         name=name,
         by_id={m.id: m for m in messages},
         by_name={m.name: m for m in messages},
-        crc_extra={m.id: m.crc_extra for m in messages},
+        extras=_extras(messages),
     )
 
 

@@ -14,10 +14,7 @@ from links.mavlink.options import DecoderOptions
 from links.samples import Rows
 from links.spool_sources import spool_source
 
-__all__ = ["AUTOPILOT_INVALID", "Entry", "source_table"]
-
-AUTOPILOT_INVALID = 8
-"""MAV_AUTOPILOT of a component that is no autopilot."""
+__all__ = ["Entry", "source_table"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +56,6 @@ class Entry:
         source, conditions = self.source, []
         if component is not None and self.components is not None:
             conditions.append(np.isin(component, self.components))
-        if source.quantity == "heartbeat":
-            conditions.append(payload["autopilot"] != AUTOPILOT_INVALID)
         if self.named is not None:
             conditions.append(payload["name"] == self.named)
         if source.only is not None:

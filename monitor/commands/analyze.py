@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -11,132 +15,193 @@ from monitor.commands.common import (
     ConfigFile,
     Profile,
     Refused,
-    console,
     load_settings,
     note,
     progress,
 )
 
 if TYPE_CHECKING:
-    from monitor.analyze import Analysis
+    from monitor.commands.workers import Tell
     from monitor.settings import Settings
 
 __all__ = ["analyze"]
 
 FAULT_FOUND, UNUSABLE = 1, 2
 
+WORTH_BYTES: Final = 60_000_000
+"""Fewer bytes are analyzed before further processes have loaded their kernels."""
+
+OUT_OF_MEMORY_SIGNAL: Final = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One log, and the folder that its files go to."""
+
+    log: Path
+    folder: Path
+    settings: Settings
+    csv: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one log.
+
+    Attributes
+    ----------
+    summary
+        ``summary.json``; None where the log could not be used.
+    files
+        What was written, ``summary.json`` first.
+    why
+        One sentence on why it could not be used.
+    unwritable
+        The reason lies in the folder and not in the log.
+    """
+
+    summary: dict[str, Any] | None = None
+    files: list[Path] = field(default_factory=list)
+    why: str = ""
+    unwritable: bool = False
+
 
 def analyze(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Telemetry logs (.tlog).")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Log files of flights.")],
     profile: Profile = None,
     config: ConfigFile = None,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for DIR/<log stem>/summary.json.")
     ] = Path("mavsentry-out"),
+    csv: Annotated[bool, typer.Option("--csv", help="Write the estimates as CSV as well.")] = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="End with 1 when a fault was found.")
     ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Logs at once; as many as cores by default."),
+    ] = None,
 ) -> None:
-    """Say what was faulty in recorded flights, since when, and why."""
+    """Say what was faulty in recorded flights, since when, and why.
+
+    Of several logs all are processed; the status is 2 if one of them was unusable.
+    """
     from estimators.jit import is_cold
-    from monitor.warmup import COMPILING
+    from monitor.analyze import MISSING_REPORT_EXTRA
+    from monitor.commands.analysis_shown import show
+    from monitor.estimate_files import have_parquet
+    from monitor.warmup import COMPILING, warm_up
 
     settings = load_settings(profile, config)
+    logs = list({log.resolve(): log for log in reversed(logs)}.values())[::-1]
+    folders = _folders(logs, out)
+    tasks = [Task(*pair, settings, csv) for pair in zip(logs, folders, strict=True)]
+    jobs = min(jobs or _jobs(logs), len(logs))
     if is_cold():
         note(COMPILING)
+        if jobs > 1:
+            warm_up(settings)
     found = unusable = False
-    hint = ""
-    for log in logs:
-        try:
-            analysis = _one(log, settings)
-            written = _write(analysis, out)
-        except Refused as error:
-            note(f"mavsentry: {error}")
+    for outcome in _outcomes(tasks, jobs):
+        if outcome.unwritable:
+            raise Refused(outcome.why)
+        if outcome.summary is None:
+            note(f"mavsentry: {outcome.why}")
             unusable = True
             continue
-        _show(analysis, written[0])
-        found = found or bool(analysis.faults)
-        if len(written) == 1:
-            from monitor.analyze import MISSING_REPORT_EXTRA as hint
-    if hint:
-        note(f"mavsentry: {hint}")
+        show(outcome.summary, outcome.files)
+        found = found or bool(outcome.summary["faults"])
+    if not have_parquet() and not csv:
+        note(f"mavsentry: summary.json only: {MISSING_REPORT_EXTRA}, --csv as text")
     if unusable:
         raise typer.Exit(UNUSABLE)
     if found and exit_code:
         raise typer.Exit(FAULT_FOUND)
 
 
-def _one(log: Path, settings: Settings) -> Analysis:
-    """Analysis of one log.
+def _outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
+    """What became of each log, in their order, under a progress bar."""
+    from monitor.commands.workers import Died, work
 
-    Raises
-    ------
-    Refused
-        The file cannot be read as a log.
-    """
+    total = max(sum(_size(task.log) for task in tasks), 1)
+    name = tasks[0].log.name if len(tasks) == 1 else f"{len(tasks)} logs"
+    with progress(name) as bar:
+        results = work(_analyze, tasks, jobs, lambda done: bar(sum(done) / total))
+        for k, (task, result) in enumerate(zip(tasks, results, strict=True), 1):
+            with bar.hidden():
+                if isinstance(result, Died):
+                    yield Outcome(why=f"{task.log}: {_last_words(result.signal)}")
+                else:
+                    yield result
+            if len(tasks) > 1:
+                bar.name(f"{len(tasks)} logs, {k} done")
+
+
+def _analyze(task: Task, tell: Tell) -> Outcome:
+    """One log; whatever is wrong with it becomes a sentence."""
     from links.logs import LogError
-    from monitor.analyze import analyze_log
+    from monitor.analyze import analyze_into
 
-    with progress(log.name) as tell:
-        try:
-            return analyze_log(log, settings, lambda done, all_: tell(done / max(all_, 1)))
-        except LogError as error:
-            raise Refused(str(error)) from None
-
-
-def _write(analysis: Analysis, out: Path) -> list[Path]:
     try:
-        return analysis.write(out)
+        analysis = analyze_into(
+            task.folder, task.log, task.settings, lambda done, _: tell(done), csv=task.csv
+        )
+    except LogError as error:
+        return Outcome(why=str(error))
     except OSError as error:
-        raise Refused(f"cannot write to {out}: {error.strerror}") from None
+        why = f"cannot write to {task.folder}: {error.strerror or error}"
+        return Outcome(why=why, unwritable=True)
+    except MemoryError:
+        return Outcome(why=f"{task.log}: not enough memory")
+    except Exception as error:  # a mistake of ours must not cost the other logs
+        return Outcome(why=f"{task.log}: {_mistake(error)}")
+    return Outcome(analysis.summary, analysis.files)
 
 
-def _show(analysis: Analysis, file: Path) -> None:
-    """The flight in one line, the faults as a table, what was not judged, the file."""
-    from rich.table import Table
+def _mistake(error: Exception) -> str:
+    """An error that nobody foresaw, in one sentence, and where it happened."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    where = "" if trace is None else f" in {Path(trace.tb_frame.f_code.co_filename).name}"
+    line = "" if trace is None else f", line {trace.tb_lineno}"
+    said = " ".join(str(error).split())[:200]
+    return f"mavsentry failed on it ({type(error).__name__}{where}{line}: {said}); please report it"
 
-    from monitor.baselines import one_line
 
-    log, vehicle = analysis.summary["log"], analysis.summary["vehicle"]
-    screen = console()
-    screen.print(
-        f"{log['path']}: {log['duration_s']:.0f} s, {log['messages']} messages, vehicle "
-        f"{vehicle['system_id']} ({vehicle['autopilot']}, {vehicle['type']})",
-        soft_wrap=True,
-    )
-    if not analysis.faults:
-        watched = [m["sensor"] for m in analysis.summary["monitored"] if m["seconds"] > 0]
-        screen.print(
-            f"  no fault found in {len(watched)} watched sensors"
-            if watched
-            else "  no sensor could be judged"
-        )
-    else:
-        table = Table()
-        for column in ("sensor", "kind"):
-            table.add_column(column, no_wrap=True)
-        for column in ("onset", "detected", "cleared", "size"):
-            table.add_column(column, justify="right", no_wrap=True)
-        table.add_column("evidence", ratio=1)
-        for fault in analysis.faults:
-            table.add_row(
-                fault["sensor"],
-                fault["kind"],
-                f"{fault['onset_s']:.1f} s",
-                f"{fault['detected_s']:.1f} s",
-                "" if fault["cleared_s"] is None else f"{fault['cleared_s']:.1f} s",
-                "" if fault["magnitude"] is None else f"{fault['magnitude']:+.3g} {fault['unit']}",
-                fault["evidence"],
-            )
-        screen.print(table)
-    for event in analysis.summary["events"]:
-        screen.print(
-            f"  {event['what']} {event['state']} at {event['detected_s']:.1f} s: "
-            f"{event['evidence']}",
-            soft_wrap=True,
-        )
-    learnt = analysis.summary["learnt"]
-    if learnt is not None and learnt["note"] is not None:
-        screen.print(f"  note: {learnt['note']}", soft_wrap=True)
-    screen.print(f"  {one_line(analysis.summary['baselines'])}", soft_wrap=True, highlight=False)
-    screen.print(f"  {file}", soft_wrap=True)
+def _last_words(signal: int | None) -> str:
+    if signal == OUT_OF_MEMORY_SIGNAL:
+        return "the process that analyzed it was killed, perhaps for want of memory (--jobs 1?)"
+    return "the process that analyzed it ended" + (f" by signal {signal}" if signal else "")
+
+
+def _folders(logs: Sequence[Path], out: Path) -> list[Path]:
+    """A folder for each log: named by its stem, where several share it by its whole name.
+
+    Logs of one name in different folders are numbered in the order given.
+    """
+    stems = Counter(log.stem for log in logs)
+    names = Counter(log.name for log in logs)
+    taken: Counter[str] = Counter()
+    folders = []
+    for log in logs:
+        name = log.stem if stems[log.stem] == 1 else log.name
+        if names[log.name] > 1:
+            taken[name] += 1
+            name = f"{name}-{taken[name]}"
+        folders.append(out / name)
+    return folders
+
+
+def _jobs(logs: Sequence[Path]) -> int:
+    """Processes that are worth starting."""
+    if len(logs) < 2 or sum(map(_size, logs)) < WORTH_BYTES:
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _size(log: Path) -> int:
+    try:
+        return log.stat().st_size
+    except OSError:
+        return 0

@@ -40,7 +40,7 @@ NAMES = {
     "imu": ("atsekf_step",),
     "engine": ("imkf_step",),
     "wing": ("mhmap_n50", "mhmap_n200"),
-    "links": ("decode_tlog", "decode_live", "udp_roundtrip"),
+    "links": ("decode_tlog", "tlog_rows", "decode_live", "udp_roundtrip"),
     "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
 }
 """Module of ``monitor.commands.bench_cases`` -> what it measures."""

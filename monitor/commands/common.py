@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,11 +12,14 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
 
     from links.endpoints import Endpoint
     from monitor.settings import Settings
 
 __all__ = [
+    "Bar",
     "ConfigFile",
     "Profile",
     "Refused",
@@ -86,16 +89,65 @@ def open_link(spec: str, *, write: bool = False) -> Iterator[Endpoint]:
         yield link
 
 
+class Bar:
+    """Takes the fraction done; in a pipe nothing is shown.
+
+    Parameters
+    ----------
+    shown
+        rich's bar with its one task, None in a pipe.
+    """
+
+    def __init__(self, shown: tuple[RichProgress, TaskID] | None) -> None:
+        self._shown = shown
+
+    def __call__(self, fraction: float) -> None:
+        """Show how much is done."""
+        if self._shown is not None:
+            bar, task = self._shown
+            bar.update(task, completed=fraction)
+
+    def name(self, text: str) -> None:
+        """Show another text before the bar."""
+        if self._shown is not None:
+            bar, task = self._shown
+            bar.update(task, description=text)
+
+    @contextmanager
+    def hidden(self) -> Iterator[None]:
+        """Away while something else is printed."""
+        if self._shown is None:
+            yield
+            return
+        bar, _ = self._shown
+        bar.stop()
+        yield
+        bar.start()
+
+
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[float], None]]:
-    """A function that takes the fraction done: a bar on a terminal, nothing in a pipe."""
+def progress(what: str) -> Iterator[Bar]:
+    """Something that takes the fraction done: a bar on a terminal, nothing in a pipe."""
     if not sys.stderr.isatty():
-        yield lambda fraction: None
+        yield Bar(None)
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(
+        *columns, console=Console(stderr=True), transient=True, redirect_stdout=False
+    ) as bar:
+        yield Bar((bar, bar.add_task(what, total=1.0)))

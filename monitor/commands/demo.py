@@ -55,7 +55,7 @@ def demo(
             f"Answers left {latency['median_ms']:.1f} ms (median) and {latency['p99_ms']:.1f} ms "
             "(99 %) after the oldest datagram they rest on arrived."
         )
-    trial.analysis.write(out)
+    trial.analysis.write(out / trial.recording.stem, trial.estimates)
     (out / "injected_found.json").write_text(
         json.dumps([{"injected": i, "found": f} for i, f in outcome.rows], indent=1) + "\n",
         encoding="utf-8",

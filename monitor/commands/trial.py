@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from monitor.commands.common import Refused
 from monitor.commands.daemon_process import DaemonProcess
 
 if TYPE_CHECKING:
+    from links.samples import Rows
     from monitor.analyze import Analysis
 
 __all__ = ["Listener", "Trial", "try_out"]
@@ -98,6 +99,8 @@ class Trial:
         How the daemon's loop did, as JSON values.
     recording
         The telemetry log.
+    estimates
+        Name -> rows, of the analysis.
     """
 
     truth: dict[str, Any]
@@ -105,6 +108,7 @@ class Trial:
     changes: list[dict[str, Any]]
     status: dict[str, Any]
     recording: Path
+    estimates: Mapping[str, Rows]
 
     def agrees(self) -> bool:
         """Whether the daemon said in flight exactly what its recording gives afterwards."""
@@ -136,6 +140,7 @@ def try_out(
         The daemon or the feed ended early; the sentence is theirs.
     """
     from monitor.analyze import analyze_log
+    from monitor.recording import Estimates
     from monitor.settings import load
 
     recordings = out / "recording"
@@ -150,9 +155,10 @@ def try_out(
             if daemon.stop() != 0:
                 raise Refused(f"the daemon failed: {daemon.notes}")
     (recording,) = recordings.glob("mavsentry-*.tlog")
-    analysis = analyze_log(recording, load(profile))
+    estimates = Estimates()
+    analysis = analyze_log(recording, load(profile), sink=estimates)
     changes = [change for _, change in daemon.changes]
-    return Trial(truth, analysis, changes, daemon.last_status or {}, recording)
+    return Trial(truth, analysis, changes, daemon.last_status or {}, recording, estimates.joined())
 
 
 def _until_ready(daemon: DaemonProcess, listener: Listener, say: Callable[[str], None]) -> None:

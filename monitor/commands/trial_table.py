@@ -76,7 +76,7 @@ def judge(trial: Trial, truth_arrays: Path) -> Outcome:
         rows.append((injected, found))
     with np.load(truth_arrays) as arrays:
         truth = {name: arrays[name] for name in arrays.files}
-    estimates = trial.analysis.estimates
+    estimates = trial.estimates
     values = [_values(injected, found, truth, estimates) for injected, found in rows]
     sizes = [_size(injected, found, truth) for injected, found in rows]
     return Outcome(rows, left, values, sizes)

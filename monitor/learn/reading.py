@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from links.logs import TlogReader
+from links.logs.base import LogReader
 from links.samples import Batch
 
 __all__ = ["Progress", "read"]
@@ -13,7 +13,7 @@ Progress = Callable[[int, int], None]
 """Takes bytes read and bytes in all."""
 
 
-def read(log: TlogReader, progress: Progress | None) -> Iterator[Batch]:
+def read(log: LogReader, progress: Progress | None) -> Iterator[Batch]:
     """Its batches in order; ``progress`` hears of each."""
     for batch in log:
         yield batch

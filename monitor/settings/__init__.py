@@ -29,7 +29,16 @@ from monitor.settings.triplex import TriplexSettings
 from monitor.settings.vane import VaneSettings
 from monitor.settings.wing import WingSettings
 
-__all__ = ["DEFAULT_PROFILE", "PROFILES", "Settings", "SettingsError", "by_hand", "load", "origins"]
+__all__ = [
+    "DEFAULT_PROFILE",
+    "PROFILES",
+    "Settings",
+    "SettingsError",
+    "by_hand",
+    "changed",
+    "load",
+    "origins",
+]
 
 PROFILES = ("small-uav", "light-aircraft", "transport")
 """Bundled airframe classes; the first is the default."""
@@ -135,6 +144,16 @@ def origins(profile: str | None = None, file: Path | None = None) -> dict[str, s
         else "default"
         for key in _flat(settings.model_dump())
     }
+
+
+def changed(settings: Settings) -> dict[str, Any]:
+    """Dotted key -> value of what differs from the settings' profile, in JSON's types.
+
+    Provenance of learnt thresholds, which changes no verdict, is left out.
+    """
+    base = _flat(load(settings.profile).model_dump(mode="json", exclude={"learnt"}))
+    own = _flat(settings.model_dump(mode="json", exclude={"learnt"}))
+    return {key: value for key, value in own.items() if key not in base or base[key] != value}
 
 
 def _profile_values(name: str) -> dict[str, Any]:

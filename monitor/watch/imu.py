@@ -24,6 +24,10 @@ TICK_S = 0.2
 INTEREST_SIGMA = 4.5
 """Windows louder than this are looked at; below every threshold that a verdict needs."""
 
+REPEATED_US = 5_000_000
+"""A fix no newer than the newest is one sent again; this far behind, the receiver's clock was set
+[us]."""
+
 _LIMIT_ACC_M_S2 = 500.0
 _LIMIT_GYRO_RAD_S = 60.0
 
@@ -84,6 +88,7 @@ class ImuWatch:
         self._bank = bank.make_bank(bank.MAX_IMUS, self._tuning)
         self._judge = Judge(settings, self._tuning, self._bank)
         self._gps: str | None = None
+        self._fix_us = 0
         self._alive: set[str] = set()
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
@@ -174,6 +179,12 @@ class ImuWatch:
             self._gps = sensor
         if sensor != self._gps:
             return None
+        # An autopilot that sends faster than its receiver measures repeats a fix.
+        fix_us = new["stamp_us"]
+        newest_us = np.maximum.accumulate(np.concatenate(([self._fix_us], fix_us)))
+        behind_us = newest_us[:-1] - fix_us
+        good &= (fix_us == 0) | (behind_us < 0) | (behind_us > REPEATED_US)
+        self._fix_us = int(newest_us[-1])
         new = new[good]
         std = new["vel_std_m_s"]
         values = np.column_stack(

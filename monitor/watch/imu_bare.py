@@ -37,7 +37,7 @@ class BareTests:
         limit = math.log(r.settings.noise_ratio)
         for i in known:
             rises = [difference.noise_rise(noise, i, k) for k in range(6)]
-            zero_s = r.now_s - float(noise[i, difference.N_ZERO_S, 0])
+            zero_s = float(r.bank.sample[i, 0] - noise[i, difference.N_ZERO_S, 0])
             still = noise[i, difference.N_SAME].max() >= difference.REST_SAMPLES
             for k, axis in enumerate(r.units[i].axes):
                 rest = difference.improbable_rest(noise, i, k, r.now_s) if still else 0.0

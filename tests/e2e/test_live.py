@@ -221,10 +221,15 @@ def test_a_peer_that_is_not_there_is_no_error():
 
 @pytest.mark.parametrize("arguments", [("replay",), ("analyze",)])
 def test_ctrl_c_ends_with_130(flight_log, tmp_path, arguments):
+    import os
     import signal
 
     extra = ("--to", "udpout:127.0.0.1:9", "--speed", "1") if arguments == ("replay",) else ()
-    many = [str(flight_log)] * (1 if extra else 200)
+    many = [str(flight_log)]
+    if not extra:
+        many = [str(tmp_path / f"{k}.tlog") for k in range(200)]
+        for name in many:
+            os.link(flight_log, name)
     out = () if extra else ("--out", str(tmp_path))
     with subprocess.Popen(
         [*COMMAND, *arguments, *many, *extra, *out],

@@ -75,8 +75,10 @@ def test_a_good_pitot_with_a_storm_behind_it_is_not_dead() -> None:
     assert first_failure(c, learnt=False, p=math.nan, V=40.0)[0] == checks.CHECK_NONE
 
 
-def scatter(noise: list[float], gust: float, scale: list[float], seed: int = 1) -> list[bool]:
-    """Whether each of several pitots in the same gusts is found noisy."""
+def scatter(
+    noise: list[float], gust: float, scale: list[float], seed: int = 1, lost: float = 0.0
+) -> list[bool]:
+    """Whether each of several pitots in the same gusts is found noisy; some samples are lost."""
     rng = np.random.default_rng(seed)
     states = np.stack([checks.new_check() for _ in range(3)])
     use = (1 << len(noise)) - 1
@@ -84,6 +86,8 @@ def scatter(noise: list[float], gust: float, scale: list[float], seed: int = 1) 
     for k in range(200):
         air = 20.0 * (1.0 + gust * rng.standard_normal())
         for i, std in enumerate(noise):
+            if rng.random() < lost:
+                continue
             c = scale[i] * air * (1.0 + std * rng.standard_normal())
             checks.check_sample(states[i], LIMITS, k / HZ, c, c, 20.0, 0.01, 20.0, 1.0, True, True)
             checks.pair_noise(states, LIMITS, i, 1.0 / HZ)
@@ -99,6 +103,15 @@ def test_noise_is_blamed_on_the_noisy_one_of_two_and_of_three() -> None:
 def test_gusts_and_a_wrong_scale_are_not_noise() -> None:
     assert scatter([0.003, 0.003], gust=0.15, scale=[1.0, 1.0]) == [False, False]
     assert scatter([0.003, 0.003], gust=0.15, scale=[0.7, 1.0]) == [False, False]
+
+
+def test_lost_samples_are_not_noise_and_noise_is_found_among_them() -> None:
+    for seed in range(5):
+        for lost in (0.05, 0.3):
+            alike = scatter([0.003, 0.003], 0.15, [1.0, 1.0], seed, lost)
+            assert alike == [False, False], (seed, lost)
+        noisy = scatter([0.08, 0.003], 0.02, [1.0, 1.0], seed, 0.15)
+        assert noisy == [True, False], seed
 
 
 def test_beside_a_blocked_pitot_a_good_one_is_not_noisy() -> None:

@@ -21,6 +21,7 @@ class Bench:
         self.edge = np.zeros((n, difference.EDGES, 6))
         self.edge_at = np.full((n, difference.EDGES), -1, dtype=np.int64)
         self.integral = np.zeros((n, 6))
+        self.usual_s = np.zeros(n)
         self.pair = np.zeros((n, n, difference.PAIR_ROWS, 6))
         self.noise = np.zeros((n, 8, 6))
         self.alias = np.zeros((n, 6))
@@ -35,7 +36,7 @@ class Bench:
         for t, i, k in events:
             ts, u = series[i]
             if k:
-                args = (i, ts[k - 1], t, u[k - 1], u[k], TICK_S)
+                args = (i, ts[k - 1], t, u[k - 1], u[k], self.usual_s, TICK_S)
                 difference.fill_bins(self.edge, self.edge_at, self.integral, *args)
                 dt = t - ts[k - 1]
                 difference.watch_noise(self.noise, i, t, dt, u[k - 1], u[k], True)

@@ -87,6 +87,9 @@ def test_after_a_reboot_time_goes_on_in_a_new_epoch():
     assert t[0] == 600_000_000 + EPOCH_GAP_US
     assert (np.diff(t) == 100_000).all()
     assert clock.reboots == 1
+    (began,) = clock.boots_since(0)
+    assert 600_000_000 < began < t[0]
+    assert clock.boots_since(1) == ()
 
 
 def test_single_absurd_stamps_are_rejected_and_move_nothing():

@@ -49,12 +49,15 @@ def found(sensor, detected_s, unit="m/s^2", magnitude=1.9):
 class FakeAnalysis:
     def __init__(self, faults):
         self.faults = faults
-        t_us = np.arange(20 * S, 220 * S, S // 10)
-        imu, air = np.zeros(len(t_us), IMU_ESTIMATE), np.zeros(len(t_us), AIR_ESTIMATE)
-        imu["t_us"] = air["t_us"] = t_us
-        imu["acc_m_s2"][:, 0] = 0.3
-        air["cas_m_s"] = 19.5
-        self.estimates = {"imu0": imu, "air": air}
+
+
+def estimates():
+    t_us = np.arange(20 * S, 220 * S, S // 10)
+    imu, air = np.zeros(len(t_us), IMU_ESTIMATE), np.zeros(len(t_us), AIR_ESTIMATE)
+    imu["t_us"] = air["t_us"] = t_us
+    imu["acc_m_s2"][:, 0] = 0.3
+    air["cas_m_s"] = 19.5
+    return {"imu0": imu, "air": air}
 
 
 @pytest.fixture
@@ -74,7 +77,7 @@ def outcome(tmp_path):
     )
 
     def of(truth_faults, faults):
-        trial = Trial({"faults": truth_faults}, FakeAnalysis(faults), [], {}, file)
+        trial = Trial({"faults": truth_faults}, FakeAnalysis(faults), [], {}, file, estimates())
         return judge(trial, file)
 
     return of

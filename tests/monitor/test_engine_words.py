@@ -10,6 +10,7 @@ import pytest
 from links.vocabulary import Kind, State
 from monitor import summary
 from monitor.announce import wording
+from monitor.columns import flat
 from monitor.publish import Publisher
 from monitor.settings import SettingsError, load
 from monitor.settings.publish import PublishSettings
@@ -75,20 +76,12 @@ def test_summary_keeps_events_and_faults_apart() -> None:
     assert event["evidence"] == "it glides"
 
 
-def test_the_estimate_becomes_a_column_per_shaft(tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow")
-    import pyarrow.parquet as pq
-
-    from monitor.parquet import write_estimates
-
+def test_the_estimate_becomes_a_column_per_shaft() -> None:
     rows = np.zeros(3, ENGINE_ESTIMATE)
     rows["speed_rpm"][:, 1] = 5300.0
-    (file,) = write_estimates({"engine": rows}, tmp_path)
-    table = pq.read_table(file)
-    assert table["speed_2_rpm"].to_pylist() == [5300.0] * 3
-    assert {"speed_1_rpm", "speed_4_std_rpm", "throttle", "climb_power_m_s"} <= set(
-        table.column_names
-    )
+    columns = flat(rows)
+    assert columns["speed_2_rpm"].tolist() == [5300.0] * 3
+    assert {"speed_1_rpm", "speed_4_std_rpm", "throttle", "climb_power_m_s"} <= set(columns)
 
 
 @pytest.mark.parametrize(

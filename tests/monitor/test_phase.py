@@ -83,3 +83,24 @@ def test_changes_do_not_depend_on_the_split(cut: int) -> None:
     ]
     whole = PhaseTracker(PhaseSettings()).step(rows)
     np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+@pytest.mark.parametrize("cut", [None, 200, 260])
+def test_a_vehicle_that_boots_is_on_a_ground_of_its_own(cut: int | None) -> None:
+    first, second = 50, 53.0
+    speed = np.where(first > T, 18.0, np.interp(T, [70, 75], [0, 20]))
+    height = np.where(first > T, 65.0, 200.0 + np.interp(T, [77, 87], [0, 50]))
+    rows = flight(speed, height)
+    keep = (rows["gps0"]["t_us"] < first * 10**6) | (rows["gps0"]["t_us"] > second * 10**6)
+    rows = {s: r[keep] for s, r in rows.items()}
+    booted = 51_500_000
+    tracker = PhaseTracker(PhaseSettings())
+    if cut is None:
+        phase = tracker.step(rows, [booted])
+    else:  # the boot is told with the first rows after it
+        before = tracker.step({s: r[:cut] for s, r in rows.items()}, [booted] if cut > 250 else [])
+        after = tracker.step({s: r[cut:] for s, r in rows.items()}, [] if cut > 250 else [booted])
+        phase = np.concatenate([before, after])
+    assert phase["flying"].tolist() == [True, False, True]
+    assert phase["t_us"][1] == booted
+    assert 80.0 <= phase["t_us"][2] / 1e6 < 82.0

@@ -29,7 +29,7 @@ def test_warming_up_says_nothing_when_the_kernels_are_there():
 
 
 def test_warming_up_says_so_when_kernels_must_be_compiled(monkeypatch, tmp_path):
-    monkeypatch.setattr("estimators.jit._folders", {tmp_path})
+    monkeypatch.setattr("links.jit._folders", {tmp_path})
     said = []
     warm_up(load(), said.append)
     assert said == [COMPILING]

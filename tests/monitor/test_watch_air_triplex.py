@@ -285,3 +285,24 @@ def test_any_cut_of_the_stream_gives_the_same_verdicts(transport: Batch) -> None
     whole = _judged(batch)
     assert whole == _judged(batch, cuts=7)
     assert whole == _judged(batch, cuts=300)
+
+
+@pytest.mark.parametrize("gap_s", [1.0, 3.0, 12.0])
+def test_a_gap_in_the_data_is_no_sensor_that_stands_still(transport: Batch, gap_s: float) -> None:
+    t = {s: (r["t_us"] - _start_us(transport)) * 1e-6 for s, r in transport.rows.items()}
+    kept = {s: r[(t[s] < 20.0) | (t[s] % 26.0 > gap_s)] for s, r in transport.rows.items()}
+    verdicts = _judged(Batch(kept))
+    assert _faults(transport, verdicts) == {}
+    assert {v.sensor for v in verdicts if v.state is State.OK} == {
+        *(f"airspeed{i}" for i in range(3)),
+        *(f"aoa{i}" for i in range(3)),
+    }
+
+
+def test_a_sensor_that_stands_still_is_found_across_gaps(transport: Batch) -> None:
+    batch = _broken(transport, "airspeed0", _stuck)
+    t = {s: (r["t_us"] - _start_us(transport)) * 1e-6 for s, r in batch.rows.items()}
+    kept = {s: r[(t[s] < 20.0) | (t[s] % 9.0 > 1.0)] for s, r in batch.rows.items()}
+    found = _faults(transport, _judged(Batch(kept)))
+    assert set(found) == {"airspeed0"}
+    assert found["airspeed0"][0] < ONSET_S + 25.0

@@ -137,3 +137,11 @@ def test_without_gps_the_vane_is_not_judged() -> None:
         (State.OK, None),
     ]
     assert 102.0 < said[-3].t_us * 1e-6 - BOOT_S < 107.0
+
+
+@pytest.mark.parametrize("gap_s", [1.0, 3.0, 12.0])
+def test_a_gap_in_the_data_is_no_vane_that_stands_still(gap_s: float) -> None:
+    whole = flight("small-uav 1+0 12 rough")
+    t = {s: r["t_us"] * 1e-6 - BOOT_S for s, r in whole.rows.items()}
+    kept = {s: r[(t[s] < 100.0) | (t[s] % 26.0 > gap_s)] for s, r in whole.rows.items()}
+    assert faults(judged(Batch(kept), "small-uav")) == []

@@ -186,6 +186,47 @@ def test_an_imu_that_reads_zero_has_dropped_out_and_the_other_is_judged_alone() 
     assert [v.sensor for v in found if v not in first] == ["imu1.acc_z"]
 
 
+@pytest.mark.parametrize(
+    ("gone_s", "imus"),
+    [(1.0, ("imu0", "imu1")), (10.0, ("imu0", "imu1")), (0.48, ("imu1",)), (3.0, ("imu1",))],
+)
+def test_lost_samples_are_no_dead_imu(gone_s, imus) -> None:
+    rows = rows_of(scenario("small-uav", imus=2).fly())
+    # imu0's samples come first of an instant: imu1 is then still silent as the decision is taken.
+    rows["imu1"]["t_us"] += 5_000
+    for start_s in (50.0, 58.07, 65.3, 72.63):
+        first = start_us(rows) + round(start_s * 1e6)
+        for sensor in imus:
+            t_us = rows[sensor]["t_us"]
+            rows[sensor] = rows[sensor][(t_us < first) | (t_us >= first + gone_s * 1e6)]
+    assert faults_of(judge(rows)) == []
+
+
+@pytest.mark.parametrize(("later_us", "cut"), [(90_000, None), (310_000, None), (310_000, 700)])
+def test_fixes_that_are_sent_again_are_no_measurements(later_us, cut) -> None:
+    rows = rows_of(scenario("small-uav", imus=2).fly())
+    fixes = rows["gps0"]
+    fixes["stamp_us"] = fixes["t_us"]
+    again = fixes.copy()
+    again["t_us"] += later_us
+    again["seq"] = fixes["seq"] + 1
+    both = np.concatenate([fixes, again])
+    rows["gps0"] = both[np.argsort(both["t_us"], kind="stable")]
+    if cut is None:
+        result = judge(rows)
+        verdicts = result.verdicts
+    else:
+        watch, at = ImuWatch(ImuSettings()), int(rows["gps0"]["t_us"][cut]) + 1
+        verdicts = []
+        for until, part in (
+            (at, {s: r[r["t_us"] < at] for s, r in rows.items()}),
+            (1 << 60, {s: r[r["t_us"] >= at] for s, r in rows.items()}),
+        ):
+            verdicts += watch.step(part, until).verdicts
+    assert {v.state for v in verdicts if v.sensor == "imu0.acc_x"} >= {State.OK}
+    assert not any(v.reason is Reason.REFERENCE_NOT_TRUSTED for v in verdicts)
+
+
 def test_an_instance_that_never_leaves_zero_is_not_judged() -> None:
     rows = rows_of(scenario("small-uav", imus=2).fly())
     rows["imu1"]["acc_m_s2"] = 0.0

@@ -11,9 +11,9 @@ from typing import Any, Final
 from links.logs import open_log
 from links.samples import Batch
 from monitor import summary
-from monitor.analyze import Recording
 from monitor.baselines import BaselineTap
 from monitor.pipeline import Pipeline
+from monitor.recording import Recording
 from monitor.settings import Settings
 
 __all__ = ["AS_FLOWN", "BY_DEFAULT", "JUDGES", "OURS", "PX4", "SAID", "Said", "judge_flight"]
@@ -75,7 +75,7 @@ def judge_flight(
     recording = Recording()
     for batch in log:
         kept = {s: rows for s, rows in batch.rows.items() if s not in without}
-        recording.add(pipeline.feed(Batch(kept, batch.rejected)))
+        recording.add(pipeline.feed(Batch(kept, batch.rejected, batch.boots)))
         progress(log.info.bytes_read / max(log.info.bytes, 1))
     recording.add(pipeline.finish())
     first_us = log.info.first_t_us

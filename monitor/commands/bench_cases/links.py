@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 
 from links.endpoints.udp import UdpEndpoint
-from links.logs import read_tlog
+from links.logs.tlog import read_tlog, tlog_columns
 from links.mavlink import Decoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
@@ -19,15 +20,22 @@ __all__ = ["cases"]
 GATHERED = 8
 """Frames of one turn of the daemon: 400 messages a second gathered for 20 ms."""
 
+BULK_BYTES = 100_000_000
+"""Least size of the log that is decoded in bulk: the given one, over and over."""
+
 PEER_BYTES = 400_000
 """A log reader that makes an object of every message gets this much of the log only."""
+
+FAST_PEER_BYTES = 10_000_000
+"""And a compiled one at least this much."""
 
 
 def cases(log: Path, folder: Path) -> list[BenchCase]:
     """Cases on the frames of a telemetry log; ``folder`` takes what a peer must read."""
     frames = _frames(log)
     return [
-        _decode_tlog(log, len(frames), folder),
+        _decode_tlog(log, folder),
+        _tlog_rows(log, len(frames)),
         _decode_live(frames[:4000]),
         _udp_roundtrip(frames[:100]),
     ]
@@ -39,36 +47,61 @@ def _frames(log: Path) -> list[bytes]:
     return [frame for part in parts for frame, _ in whole_frames(part)]
 
 
-def _decode_tlog(log: Path, messages: int, folder: Path) -> BenchCase:
-    def ours() -> int:
-        return sum(len(batch) for batch in read_tlog(log))
+def _decode_tlog(log: Path, folder: Path) -> BenchCase:
+    once = log.read_bytes()
+    large = folder / "large.tlog"
+    with large.open("wb") as file:
+        for _ in range(-(-BULK_BYTES // len(once))):
+            file.write(once)
 
+    def ours() -> int:
+        return tlog_columns(large).frames
+
+    messages = ours()
     peers: dict[str, Callable[[], object]] = {}
     peer_calls = {}
     if importlib.util.find_spec("pymavlink"):
-        part = folder / "part.tlog"
-        part.write_bytes(log.read_bytes()[:PEER_BYTES])
+        small = folder / "small.tlog"
+        small.write_bytes(once[:PEER_BYTES])
 
-        def pymavlink() -> int:
+        def recv_match() -> int:
             from pymavlink import mavutil
 
             count = 0
-            reader = mavutil.mavlogfile(str(part))
-            while reader.recv_msg() is not None:
+            reader = mavutil.mavlink_connection(str(small), dialect="ardupilotmega")
+            while reader.recv_match() is not None:
                 count += 1
             reader.close()
             return count
 
-        peers["pymavlink"] = pymavlink
-        peer_calls["pymavlink"] = pymavlink()
+        peers["pymavlink"] = recv_match
+        peer_calls["pymavlink"] = recv_match()
+    if importlib.util.find_spec("fasttlogparser"):
+        parse = importlib.import_module("fasttlogparser").parseTLog
+        part = folder / "part.tlog"
+        with part.open("wb") as file:
+            for _ in range(-(-FAST_PEER_BYTES // len(once))):
+                file.write(once)
+        peers["fasttlogparser"] = lambda: parse(str(part))
+        peer_calls["fasttlogparser"] = tlog_columns(part).frames
     return BenchCase(
         "decode_tlog",
         run=ours,
         calls=messages,
         peers=peers,
-        note="time per message of a telemetry log; ours gives checked SI rows, the peer objects",
+        note=f"time per message of a log of {large.stat().st_size / 1e6:.0f} MB, from the file to "
+        "every field of every message; the peers on a part of it",
         peer_calls=peer_calls,
         missing=_missing("fasttlogparser"),
+    )
+
+
+def _tlog_rows(log: Path, messages: int) -> BenchCase:
+    return BenchCase(
+        "tlog_rows",
+        run=lambda: sum(len(batch) for batch in read_tlog(log)),
+        calls=messages,
+        note="time per message of a telemetry log, from the file to checked rows in SI units",
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import statistics
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -12,8 +13,7 @@ from pathlib import Path
 from links.logs import read_tlog
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
-from links.samples import Batch
-from monitor.analyze import analyze_log
+from monitor.analyze import Analysis, analyze_into
 from monitor.commands.bench_cases import BenchCase, Measured
 from monitor.commands.daemon_process import DaemonProcess, free_port
 from monitor.learn.engine import learn_engine, measure_engine
@@ -62,7 +62,7 @@ def cases(
             "analyze",
             unit="times real time",
             value=lambda: _analyze(log),
-            note="a telemetry log to its summary, decoding included",
+            note="a telemetry log to its files, decoding and estimates included",
         ),
         BenchCase(
             "start_to_verdict_s",
@@ -98,7 +98,7 @@ def _pipeline(log: Path) -> Measured:
     def once() -> None:
         pipeline = Pipeline(settings)
         for batch in batches:
-            pipeline.feed(Batch(batch.rows, batch.rejected))
+            pipeline.feed(batch)
         pipeline.finish()
 
     return _against(flight_s, [_timed(once) for _ in range(REPEATS)])
@@ -107,8 +107,13 @@ def _pipeline(log: Path) -> Measured:
 def _analyze(log: Path) -> Measured:
     settings = load()
     warm_up(settings)
-    flight_s = float(analyze_log(log, settings).summary["log"]["duration_s"])
-    return _against(flight_s, [_timed(lambda: analyze_log(log, settings)) for _ in range(REPEATS)])
+    with tempfile.TemporaryDirectory(prefix="mavsentry-bench-") as folder:
+
+        def once() -> Analysis:
+            return analyze_into(Path(folder), log, settings)
+
+        flight_s = float(once().summary["log"]["duration_s"])
+        return _against(flight_s, [_timed(once) for _ in range(REPEATS)])
 
 
 def _against(flight_s: float, taken_s: list[float]) -> Measured:

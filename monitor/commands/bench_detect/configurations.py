@@ -148,7 +148,8 @@ class Configuration:
             count = left.get(quantity_of(sensor))
             return count is None or int(sensor[-1]) < count
 
-        return Batch({s: rows for s, rows in batch.rows.items() if stays(s)}, batch.rejected)
+        kept = {s: rows for s, rows in batch.rows.items() if stays(s)}
+        return Batch(kept, batch.rejected, batch.boots)
 
     def settings(self, base: Settings) -> Settings:
         """Settings of an aircraft with these sensors."""

@@ -1,0 +1,88 @@
+"""How every kernel of these packages is compiled, and where the machine code is kept.
+
+``kernel`` is ``numba.njit`` with the project's options: cached, numpy error model (a division by
+zero gives an infinity, not an exception), no fast-math (the result must not depend on how a stream
+is split). Numba's own cache looks at the file of the kernel alone and would go on serving machine
+code compiled against a callee that has changed since; the cache folder is therefore named after a
+digest of the module *and* of every module of ``links`` and ``estimators`` it imports.
+
+``MAVSENTRY_CACHE_DIR`` moves the cache; its default is the user's cache folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import platformdirs
+
+__all__ = ["cache_root", "inlined", "is_cold", "kernel"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_folders: set[Path] = set()
+_OURS = r"((?:estimators|links)(?:\.\w+)*)"
+_IMPORT = re.compile(rf"^from {_OURS} import (\([^)]*\)|.*)|^import {_OURS}", re.M)
+_THIS = {__name__, "estimators.jit"}
+
+
+def cache_root() -> Path:
+    """Folder under which compiled kernels are kept."""
+    chosen = os.environ.get("MAVSENTRY_CACHE_DIR")
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("mavsentry")) / "kernels"
+
+
+@cache
+def _digest(module: str) -> str:
+    """Digest of a module's source and of the modules with kernels it imports, transitively.
+
+    Packages themselves hold no kernels: of them, only the modules that are imported count.
+    """
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None:
+        return module
+    text = Path(file).read_text(encoding="utf-8")
+    found = set()
+    for source, names, alone in _IMPORT.findall(text):
+        if hasattr(sys.modules.get(source), "__path__"):
+            found |= {f"{source}.{name}" for name in re.findall(r"\w+", names)} & set(sys.modules)
+        else:
+            found.add(source or alone)
+    found -= {module} | _THIS
+    parts = [numba.__version__, text, *(_digest(name) for name in sorted(found))]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+
+
+def kernel(function: F) -> F:
+    """Compile ``function`` to machine code on its first call (or load it from the cache)."""
+    return _compiled(function)
+
+
+def inlined(function: F) -> F:
+    """A small kernel that is always merged into the kernels that call it."""
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: F, **options: Any) -> F:
+    folder = cache_root() / _digest(function.__module__)
+    _folders.add(folder)
+    config: Any = numba.config
+    config.CACHE_DIR = str(folder)
+    return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=False, **options)(function))
+
+
+def is_cold() -> bool:
+    """Whether most of the modules imported so far have no machine code in the cache yet.
+
+    Their first calls will then take a minute or two. (Most, because a module's kernels may be of no
+    use to this program and never be compiled.)
+    """
+    compiled = sum(any(folder.rglob("*.nbi")) for folder in _folders)
+    return 2 * compiled < len(_folders)

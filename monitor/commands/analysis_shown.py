@@ -1,0 +1,99 @@
+"""What ``analyze`` prints of one log, out of its ``summary.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from monitor.commands.common import console
+
+__all__ = ["show"]
+
+NAMED = 3
+WIDE = 105
+"""Columns of a screen from which on the evidence has a place in the table."""
+
+
+def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
+    """The flight in one line, the faults as a table, what was not judged, the file."""
+    from monitor.baselines import one_line
+
+    log, vehicle = summary["log"], summary["vehicle"]
+    screen = console()
+    screen.print(
+        f"{log['path']}: {log['duration_s']:.0f} s, {log['messages']} messages, vehicle "
+        f"{vehicle['system_id']} ({vehicle['autopilot']}, {vehicle['type']})",
+        soft_wrap=True,
+        markup=False,
+    )
+    for line in _damage(log):
+        screen.print(f"  {line}", soft_wrap=True)
+    if summary["faults"]:
+        wide = screen.width >= WIDE
+        screen.print(_table(summary["faults"], evidence=wide))
+        for fault in () if wide else summary["faults"]:
+            screen.print(f"  {fault['sensor']}: {fault['evidence']}")
+    else:
+        watched = [m["sensor"] for m in summary["monitored"] if m["seconds"] > 0]
+        screen.print(
+            f"  no fault found in {len(watched)} watched sensors"
+            if watched
+            else "  no sensor could be judged"
+        )
+    for event in summary["events"]:
+        screen.print(
+            f"  {event['what']} {event['state']} at {event['detected_s']:.1f} s: "
+            f"{event['evidence']}",
+            soft_wrap=True,
+        )
+    for what, count in summary["left_out"].items():
+        if count:
+            screen.print(f"  {count} more {what} are not listed")
+    learnt = summary["learnt"]
+    if learnt is not None and learnt["note"] is not None:
+        screen.print(f"  note: {learnt['note']}", soft_wrap=True)
+    screen.print(f"  {one_line(summary['baselines'])}", soft_wrap=True)
+    screen.print(f"  {files[0]}", soft_wrap=True, markup=False)
+
+
+def _table(faults: Sequence[Mapping[str, Any]], *, evidence: bool) -> Any:
+    from rich.table import Table
+
+    table = Table()
+    for column in ("sensor", "kind"):
+        table.add_column(column, no_wrap=True)
+    for column in ("onset", "detected", "cleared", "size"):
+        table.add_column(column, justify="right", no_wrap=True)
+    if evidence:
+        table.add_column("evidence", ratio=1)
+    for fault in faults:
+        table.add_row(
+            fault["sensor"],
+            fault["kind"],
+            f"{fault['onset_s']:.1f} s",
+            f"{fault['detected_s']:.1f} s",
+            "" if fault["cleared_s"] is None else f"{fault['cleared_s']:.1f} s",
+            "" if fault["magnitude"] is None else f"{fault['magnitude']:+.3g} {fault['unit']}",
+            *([fault["evidence"]] if evidence else []),
+        )
+    return table
+
+
+def _damage(log: Mapping[str, Any]) -> list[str]:
+    """What is wrong with the file itself."""
+    lines = []
+    if log["bad_bytes"]:
+        share = 100.0 * log["bad_bytes"] / max(log["bytes"], 1)
+        lines.append(f"damaged: {log['bad_bytes']} bytes ({share:.2g} %) belong to no message")
+    gaps = log["gaps"]
+    if gaps:
+        named = ", ".join(f"{g['seconds']:.0f} s at {g['at_s']:.0f} s" for g in gaps[:NAMED])
+        more = f" and {len(gaps) - NAMED} more" if len(gaps) > NAMED else ""
+        lines.append(f"nothing was recorded for {named}{more}")
+    boots = log["boots_s"]
+    if boots:
+        named = ", ".join(f"{t_s:.0f} s" for t_s in boots[:NAMED])
+        more = f" and {len(boots) - NAMED} more times" if len(boots) > NAMED else ""
+        lines.append(f"the vehicle booted anew at {named}{more}")
+    return lines

@@ -1,0 +1,132 @@
+"""What happens to telemetry logs on their way: functions from a clean log's frames to bytes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+Frames = Sequence[tuple[int, bytes]]
+"""(stamp [us], frame) of MAVLink 2 without signatures."""
+
+S = 1_000_000
+HEAD, CRC = 10, 2
+SERVO_OUTPUT_RAW, SYSTEM_TIME = 36, 2
+BEGINS_WITH = {i: c.ordered_fieldnames[0] for i, c in mavlink.mavlink_map.items()}
+
+
+def frames_of(data: bytes) -> list[tuple[int, bytes]]:
+    """Frames of a log in which nothing is damaged."""
+    out = []
+    at = 0
+    while at < len(data):
+        (stamp,) = struct.unpack_from(">Q", data, at)
+        end = at + 8 + HEAD + data[at + 9] + CRC
+        out.append((stamp, data[at + 8 : end]))
+        at = end
+    return out
+
+
+def log_of(frames: Frames) -> bytes:
+    """A log of these frames."""
+    return b"".join(struct.pack(">Q", stamp) + frame for stamp, frame in frames)
+
+
+def flown(frames: Frames, from_s: float, to_s: float = np.inf) -> list[tuple[int, bytes]]:
+    """Frames of a span of time, which counts from the first."""
+    first = frames[0][0]
+    return [x for x in frames if from_s * S <= x[0] - first < to_s * S]
+
+
+def retimed(frame: bytes, clock: Callable[[int], float]) -> bytes:
+    """The frame as a vehicle would send it whose clock shows ``clock(t_us)`` at ``t_us``."""
+    message = frame[7] | frame[8] << 8 | frame[9] << 16
+    name = BEGINS_WITH.get(message, "")
+    if name == "time_boot_ms":
+        at, form, unit = 0, "<I", 1000
+    elif message == SERVO_OUTPUT_RAW:
+        at, form, unit = 0, "<I", 1
+    elif message == SYSTEM_TIME:
+        at, form, unit = 8, "<I", 1000
+    elif name == "time_usec":
+        at, form, unit = 0, "<Q", 1
+    else:
+        return frame
+    size = max(frame[1], at + struct.calcsize(form))
+    payload = bytearray(frame[HEAD : HEAD + frame[1]].ljust(size, b"\0"))
+    (stamp,) = struct.unpack_from(form, payload, at)
+    if stamp == 0 or stamp * unit > 1e14:  # no time, or Unix time
+        return frame
+    struct.pack_into(form, payload, at, round(clock(stamp * unit) / unit))
+    return _framed(frame, bytes(payload))
+
+
+def _framed(frame: bytes, payload: bytes) -> bytes:
+    """The frame with another payload and the check sum that goes with it."""
+    message = frame[7] | frame[8] << 8 | frame[9] << 16
+    body = bytes([len(payload)]) + frame[2:HEAD] + payload
+    crc = mcrf4xx(body + bytes([mavlink.mavlink_map[message].crc_extra]))
+    return frame[:1] + body + struct.pack("<H", crc)
+
+
+NO_NUMBERS = (np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-40, 0.0)
+
+
+def absurd(frame: bytes, rng: np.random.Generator) -> bytes:
+    """The frame with values that no sensor has, and a right check sum: a fault of the sender."""
+    payload = bytearray(frame[HEAD : HEAD + frame[1]])
+    how = rng.integers(0, 4)
+    if how == 0:
+        payload[:] = rng.bytes(len(payload))
+    elif how == 1:
+        payload[rng.integers(0, len(payload))] ^= 1 << rng.integers(0, 8)
+    elif how == 2 and len(payload) >= 4:
+        value = NO_NUMBERS[rng.integers(0, len(NO_NUMBERS))]
+        struct.pack_into("<f", payload, 4 * int(rng.integers(0, len(payload) // 4)), value)
+    else:
+        payload[:] = bytes([(0, 0x7F, 0x80, 0xFF)[rng.integers(0, 4)]]) * len(payload)
+    return _framed(frame, bytes(payload))
+
+
+def stepped(frames: Frames, at_s: float, by_s: float) -> list[tuple[int, bytes]]:
+    """The vehicle's clock jumps once."""
+    first = frames[0][0]
+    return [
+        (stamp, retimed(frame, lambda t: t + by_s * S) if stamp - first >= at_s * S else frame)
+        for stamp, frame in frames
+    ]
+
+
+def drifting(frames: Frames, rate: float) -> list[tuple[int, bytes]]:
+    """The vehicle's clock goes fast or slow."""
+    return [(stamp, retimed(frame, lambda t: t * rate)) for stamp, frame in frames]
+
+
+def lossy(frames: Frames, share: float, seed: int = 0) -> list[tuple[int, bytes]]:
+    """One message after another is lost by chance."""
+    kept = np.random.default_rng(seed).random(len(frames)) >= share
+    return [x for x, keep in zip(frames, kept, strict=True) if keep]
+
+
+def bursts(frames: Frames, share: float, length: int, seed: int = 0) -> list[tuple[int, bytes]]:
+    """Whole stretches of messages are lost."""
+    kept = np.random.default_rng(seed).random(len(frames) // length + 1) >= share
+    return [x for i, x in enumerate(frames) if kept[i // length]]
+
+
+def shuffled(frames: Frames, reach: int, seed: int = 0) -> list[tuple[int, bytes]]:
+    """Messages overtake one another by up to ``reach`` places."""
+    late = np.arange(len(frames)) + np.random.default_rng(seed).integers(0, reach, len(frames))
+    return [frames[i] for i in np.argsort(late, kind="stable")]
+
+
+def flipped(data: bytes, share: float, seed: int = 0) -> bytes:
+    """Single bits of this share of the bytes are wrong."""
+    rng = np.random.default_rng(seed)
+    out = np.frombuffer(data, np.uint8).copy()
+    at = rng.integers(0, len(out), round(share * len(out)))
+    out[at] ^= np.uint8(1) << rng.integers(0, 8, len(at), dtype=np.uint8)
+    return out.tobytes()
