@@ -40,6 +40,7 @@ from estimators.jit import kernel
 __all__ = [
     "AERODYNAMIC",
     "AXES",
+    "BESIDE",
     "FAULTS",
     "INPUTS",
     "Airframe",
@@ -52,6 +53,8 @@ Array = NDArray[np.float64]
 AXES = 6
 """Of phi: forward, right, down [m/s^2]; roll, pitch, yaw [rad/s^2]."""
 FAULTS = ("right.lift", "right.drag", "left.lift", "left.drag")
+BESIDE = ("travel_us", "travel_deg")
+"""In an airframe's file, and no part of the model: how its servos move its surfaces."""
 G0 = 9.80665
 R_EARTH_M = 6_371_000.0
 
@@ -112,7 +115,7 @@ class Airframe:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> Airframe:
-        """From a table of numbers.
+        """From a table of numbers; those of :data:`BESIDE` are passed over.
 
         Raises
         ------
@@ -123,7 +126,7 @@ class Airframe:
         missing = [name for name in names if name not in numbers]
         if missing:
             raise ValueError(f"the airframe lacks {', '.join(missing)}")
-        unknown = [name for name in numbers if name not in names]
+        unknown = [name for name in numbers if name not in names and name not in BESIDE]
         if unknown:
             raise ValueError(f"the airframe has no use for {', '.join(unknown)}")
         wrong = [name for name in names if not math.isfinite(numbers[name])]

@@ -18,7 +18,7 @@ from estimators.atmosphere import EXPONENT, LAPSE_K_M, P0_PA, R_AIR, RHO0_KG_M3,
 from estimators.attitude import euler_rows_from_quaternion_rows
 from estimators.wing_model import INPUTS, inputs_of
 from links.samples import Rows, empty_rows
-from monitor.settings.wing import SurfaceSettings, WingSettings
+from monitor.settings.wing import SurfaceSettings, WingSettings, surfaces_of
 
 __all__ = ["NEEDED", "Ticks", "WingInputs"]
 
@@ -95,7 +95,7 @@ class WingInputs:
     """Streams in, ticks out."""
 
     def __init__(self, settings: WingSettings) -> None:
-        self._settings = settings
+        self._settings, self._surfaces = settings, surfaces_of(settings)
         self._tracks = {
             "attitude": _Track(7),
             "nav": _Track(4),
@@ -204,7 +204,7 @@ class WingInputs:
             return
         s = self._settings
         pwm = np.where(new["pwm_us"] > 0.0, new["pwm_us"], np.nan)
-        surfaces = [self._deflection(pwm, one) for one in (s.elevator, s.aileron, s.rudder)]
+        surfaces = [self._deflection(pwm, one) for one in self._surfaces]
         throttle = np.clip((pwm[:, s.throttle_channel - 1] - 1000.0) / 1000.0, 0.0, 1.0)
         y = np.column_stack([*surfaces, np.nan_to_num(throttle, nan=0.0)])
         self._tracks["servo"].add((new["t_us"] - epoch_us) * 1e-6, y)

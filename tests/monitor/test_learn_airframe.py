@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -85,7 +86,15 @@ def test_the_file_is_read_back(learnt: AirframeLearnt, tmp_path: Path) -> None:
     assert known.airframe.mass_kg == TRUE["mass_kg"]
     np.testing.assert_allclose(known.std, learnt.fit.std, rtol=0.01)
     assert known.learnt_percent == pytest.approx(learnt.healthy_percent, rel=0.01)
+    assert (known.travel_us, known.travel_deg) == (400.0, 28.648)
     assert tomllib.loads(path.read_text())["name"] == "mine"
+
+
+def test_travels_that_the_settings_name_go_into_the_file(learnt: AirframeLearnt) -> None:
+    own = airframe_document(replace(learnt, travel=((350.0, 20.0),) * 3), "mine")
+    assert tomllib.loads(own)["surfaces"] == {"travel_us": 350.0, "travel_deg": 20.0}
+    apart = ((400.0, 20.0), (400.0, 25.0), (400.0, 25.0))
+    assert not tomllib.loads(airframe_document(replace(learnt, travel=apart), "m"))["surfaces"]
 
 
 def test_a_log_without_servos_is_refused(wrong: Settings) -> None:
