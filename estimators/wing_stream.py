@@ -137,13 +137,15 @@ class WingStream:
         index = np.searchsorted(t, at)
         y[:, :3] += d[index]
         trusted = np.abs(d[index]).max(axis=1, initial=0.0) <= tuning.contradiction_m_s2
-        y[~trusted] = np.nan
         inputs = np.ascontiguousarray(x[index])
         lasting = np.empty((len(at), 2))
         whiten_rows(
             self._c, tuning.coefficient_std, inputs, tuning.gust_m_s, tuning.tas_std_m_s,
             tuning.tilt_std_rad, tuning.share, tuning.floor, y, S, lasting,
         )  # fmt: skip
+        # what the horizon does not use must not narrow the deviations either
+        unused = ~(trusted & np.isfinite(y).all(axis=1))
+        y[unused], S[unused] = np.nan, np.nan
         if len(at) and math.isnan(self._first_s):
             self._first_s = float(at[0])
         # residuals and signatures begin at zero and the wind with the first row's: left out
