@@ -43,6 +43,7 @@ __all__ = [
     "BESIDE",
     "FAULTS",
     "INPUTS",
+    "POSITIVE",
     "Airframe",
     "inputs_of",
     "predict_rows",
@@ -55,6 +56,11 @@ AXES = 6
 FAULTS = ("right.lift", "right.drag", "left.lift", "left.drag")
 BESIDE = ("travel_us", "travel_deg")
 """In an airframe's file, and no part of the model: how its servos move its surfaces."""
+POSITIVE = (
+    "mass_kg", "Jx_kg_m2", "Jy_kg_m2", "Jz_kg_m2", "area_m2", "span_m", "chord_m", "CLalpha",
+    "oswald", "diameter_m",
+)  # fmt: skip
+"""Numbers that are above zero in every airframe."""
 G0 = 9.80665
 R_EARTH_M = 6_371_000.0
 
@@ -120,7 +126,8 @@ class Airframe:
         Raises
         ------
         ValueError
-            A number is missing, unknown, or not finite: the message names it.
+            A number is missing, unknown, not finite, or zero or less where that cannot be: the
+            message names it.
         """
         names = [field.name for field in fields(cls)]
         missing = [name for name in names if name not in numbers]
@@ -132,6 +139,11 @@ class Airframe:
         wrong = [name for name in names if not math.isfinite(numbers[name])]
         if wrong:
             raise ValueError(f"not finite in the airframe: {', '.join(wrong)}")
+        wrong = [name for name in POSITIVE if not numbers[name] > 0.0]
+        if wrong:
+            raise ValueError(f"not above zero in the airframe: {', '.join(wrong)}")
+        if not numbers["Jxz_kg_m2"] ** 2 < numbers["Jx_kg_m2"] * numbers["Jz_kg_m2"]:
+            raise ValueError("Jxz_kg_m2 is too large in the airframe: Jxz^2 < Jx Jz is needed")
         return cls(**{name: float(numbers[name]) for name in names})
 
     def row(self) -> Array:

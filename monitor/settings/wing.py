@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from math import inf
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -247,12 +248,17 @@ def airframe_of(settings: WingSettings) -> KnownAirframe:
     Raises
     ------
     ValueError
-        The file cannot be read, or a number is missing: the message names it.
+        The file cannot be read, or a number is missing or cannot be: the message names it.
     """
     try:
         numbers = load_airframe(settings.airframe)
         own = {n: numbers.pop(f"{n}_std") for n in AERODYNAMIC if f"{n}_std" in numbers}
         learnt = tuple(numbers.pop(key, None) for key in LEARNT_KEYS)
+        beside = {f"{n}_std": std for n, std in own.items()}
+        beside |= {k: v for k, v in zip(LEARNT_KEYS, learnt, strict=True) if v is not None}
+        for key, value in beside.items():
+            if not 0.0 <= value < inf:
+                raise ValueError(f"{key} = {value:g} is not 0 or more, and finite")
         airframe = Airframe.of(numbers)
         travel_us = _travel(numbers, "travel_us", MOST_TRAVEL_US)
         travel_deg = _travel(numbers, "travel_deg", MOST_TRAVEL_DEG)

@@ -207,6 +207,18 @@ def test_the_airframe_says_how_far_its_servos_go() -> None:
     assert travels(own) == [(400.0, 28.648), (400.0, 20.0), (500.0, 28.648)]
 
 
+@pytest.mark.parametrize("key", ["Cmq_std", "CL0_std", "healthy_left_drag_percent"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0])
+def test_a_deviation_that_cannot_be_is_named(tmp_path: Path, key: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"mine\.toml: {key} = "):
+        settings(airframe_file(tmp_path / "mine.toml", **{key: value}))
+
+
+def test_a_mass_that_cannot_be_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"mine\.toml: not above zero in the airframe: mass_kg"):
+        settings(airframe_file(tmp_path / "mine.toml", mass_kg=0.0))
+
+
 @pytest.mark.parametrize("key", ["travel_us", "travel_deg"])
 @pytest.mark.parametrize("value", [0.0, -5.0, float("nan"), 1001.0])
 def test_a_travel_that_cannot_be_is_named(tmp_path: Path, key: str, value: float) -> None:
