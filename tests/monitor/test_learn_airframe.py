@@ -103,6 +103,17 @@ def test_a_log_without_servos_is_refused(wrong: Settings) -> None:
         airframe_flight_of([Batch(rows)], wrong, "x.tlog")
 
 
+@pytest.mark.parametrize("step_s", [0.05, 30.0])
+def test_flights_of_moments_only_are_refused(
+    wrong: Settings, flights: list[AirframeFlight], step_s: float
+) -> None:
+    """Too short for one row, or with a pause before every moment."""
+    one, t_s = flights[0], step_s * np.arange(5)
+    short = AirframeFlight("a.tlog", t_s, one.x[:5], one.acc[:5])
+    with pytest.raises(Unfit, match="no stretch with all inputs"):
+        learn_airframe([short, short], wrong)
+
+
 def test_the_command_names_a_missing_coefficient(tmp_path: Path) -> None:
     start, log = tmp_path / "start.toml", tmp_path / "a.tlog"
     start.write_text("[all]\nmass_kg = 11.0\n")
