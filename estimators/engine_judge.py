@@ -308,6 +308,14 @@ def _phase(
             n = set_state(c, log, n, t, i, status, reason)
         else:
             n = set_state(c, log, n, t, i, UNMONITORED, REASON_GROUND)
+    for engine in range(1, N_CHANNELS):
+        stopped = False
+        for group in range(N_GROUPS):
+            if k.engine[group] == engine and j.g[group, HALTED] > 0.5:
+                stopped = True
+        if stopped:
+            reason = REASON_LEARNING if flying else REASON_GROUND
+            n = say(log, n, t, 1.0, engine, UNMONITORED, reason, CAUSE_NONE)
     for group in range(N_GROUPS):
         j.g[group, PENDING], j.g[group, HALTED] = np.nan, 0.0
     if s[E_STATUS] != UNSEEN:
@@ -345,7 +353,7 @@ def judge(
     halted : (K, 4) float64 [rpm]
         Receives what the channels of a configured shaft show while its engine has stopped, else
         NaN.
-    log : (6 K + 64, 16) float64
+    log : (MOST_SAID K, 16) float64
         Columns L_*.
     """
     n = 0 * table.shape[0]

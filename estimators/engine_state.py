@@ -35,6 +35,9 @@ FRESH_S = 2.0
 (L_T, L_ENGINE, L_INDEX, L_STATUS, L_REASON, L_CAUSE, L_ONSET, L_STAT, L_LIMIT, L_SHOWN, L_EXPECT,
  L_SPREAD, L_SAME, L_THROTTLE, L_POWER, L_AGAIN) = range(16)  # fmt: skip
 N_LOG = 16
+MOST_SAID = 8 * N_CHANNELS + 2 * N_GROUPS
+"""Rows that one step can say at most: a channel is seen, changed by the flight's phase and twice by
+its shaft, and judged twice; an engine stops and runs; with room to spare."""
 
 # Scalars of a channel.
 (STATUS, REASON, SHARE, T_LAST, WRONGS, ONSET, CLEAN, VALUE, SAME, T_LOW, T_HIGH, MOVED, USUAL,

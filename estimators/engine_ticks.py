@@ -152,7 +152,7 @@ def _throttle(m: Ticks, output: int, t: float) -> float:
     if not t - m.s[T_SERVO] <= THROTTLE_FRESH_S:
         return np.nan
     pulse, low, high = m.pwm[output], m.travel[output, 0], m.travel[output, 1]
-    if pulse <= 0.0 or high == low:
+    if not pulse > 0.0 or high == low:  # nor NaN, an output that is switched off
         return np.nan
     share = min(max((pulse - low) / (high - low), 0.0), 1.0)
     return float(1.0 - share if m.travel[output, 2] > 0.5 else share)

@@ -203,6 +203,7 @@ def run_horizon(
     z: Array,
     f: Array,
     f_bar: Array,
+    last: Array,
     count: NDArray[np.int64],
     work: Array,
     newest: Array,
@@ -217,13 +218,14 @@ def run_horizon(
         Tuning.
     y, S : (n, m), (n, m, p) float64
         New rows.
-    H, q, s, z, f, f_bar : (N, p, p), (N, p), ..., (p,) float64
-        State: the window's normal rows, its last solution, and the prior mean.
+    H, q, s, z, f, f_bar, last : (N, p, p), (N, p), ..., (p,), (p,) float64
+        State: the window's normal rows, its last solution, the prior mean, and f_N of the newest
+        window that was solved.
     count : (2,) int64
         State: rows in the window; 1 where s and z are those of a solved window.
     work : (window_work_size(N, p),) float64, overwritten
     newest : (n, p) float64, written
-        f_N after each row; where the window was not solved, the one before.
+        f_N after each row; where the window was not solved, the one before (0 before the first).
     status, iterations : (n,) int64, written
 
     Source: samar2006 III-C, (17).
@@ -255,9 +257,8 @@ def run_horizon(
         count[1] = 1 if sound else 0
         for i in range(p):
             if sound:
-                newest[row, i] = f[n - 1, i]
-            else:
-                newest[row, i] = newest[row - 1, i] if row > 0 else f_bar[i]
+                last[i] = f[n - 1, i]
+            newest[row, i] = last[i]
 
 
 @dataclass(frozen=True)
@@ -326,7 +327,7 @@ class MonotoneMap:
         self.slope = 1.0 / np.asarray(tuning.lam, float)
         self.H = np.zeros((N, p, p))
         self.q, self.s, self.z, self._f = np.zeros((4, N, p))
-        self.f_bar = np.zeros(p)
+        self.f_bar, self._last = np.zeros((2, p))
         self._count = np.zeros(2, np.int64)
         self._work = np.empty(window_work_size(N, p))
 
@@ -347,6 +348,6 @@ class MonotoneMap:
         run_horizon(
             self.tuning.prior, np.ascontiguousarray(y), np.ascontiguousarray(S), self.W,
             self.slope, self.R_inv, self.tuning.tolerance, self.H, self.q, self.s, self.z, self._f,
-            self.f_bar, self._count, self._work, out.f, out.status, out.iterations,
+            self.f_bar, self._last, self._count, self._work, out.f, out.status, out.iterations,
         )  # fmt: skip
         return out

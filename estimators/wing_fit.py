@@ -145,7 +145,9 @@ def _solve(
     y = np.concatenate([p[0] for p in parts])
     A = np.concatenate([p[1] for p in parts])
     if not len(y):
-        raise ValueError("the flights have no moment with all inputs of the wing watch")
+        raise ValueError(
+            "the flights have no stretch with all inputs of the wing watch that is long enough"
+        )
     off = np.array([(getattr(start, n) - getattr(now, n)) / prior[n] for n in names])
     flat, b = A.reshape(-1, len(names)), y.ravel()
     s2 = kappa = 1.0
@@ -183,6 +185,8 @@ def _rows(
     own_wind(c, t, x, tuning.tau_wind_s, np.zeros(WIND_STATE))
     source = WingResiduals(airframe, tau_a_s=LEARN_TIME_S, period_s=tuning.period_s)
     at, y, _ = source.run(t, x)
+    if not len(at):
+        return np.empty((0, AXES)), np.empty((0, AXES, len(names)))
     index = np.searchsorted(t, at)
     none = np.zeros((len(t), len(FAULTS)))
     phi, moved, filtered = (np.empty((len(t), AXES)) for _ in range(3))

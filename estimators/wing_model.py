@@ -40,8 +40,10 @@ from estimators.jit import kernel
 __all__ = [
     "AERODYNAMIC",
     "AXES",
+    "BESIDE",
     "FAULTS",
     "INPUTS",
+    "POSITIVE",
     "Airframe",
     "inputs_of",
     "predict_rows",
@@ -52,6 +54,13 @@ Array = NDArray[np.float64]
 AXES = 6
 """Of phi: forward, right, down [m/s^2]; roll, pitch, yaw [rad/s^2]."""
 FAULTS = ("right.lift", "right.drag", "left.lift", "left.drag")
+BESIDE = ("travel_us", "travel_deg")
+"""In an airframe's file, and no part of the model: how its servos move its surfaces."""
+POSITIVE = (
+    "mass_kg", "Jx_kg_m2", "Jy_kg_m2", "Jz_kg_m2", "area_m2", "span_m", "chord_m", "CLalpha",
+    "oswald", "diameter_m",
+)  # fmt: skip
+"""Numbers that are above zero in every airframe."""
 G0 = 9.80665
 R_EARTH_M = 6_371_000.0
 
@@ -112,23 +121,29 @@ class Airframe:
 
     @classmethod
     def of(cls, numbers: Mapping[str, float]) -> Airframe:
-        """From a table of numbers.
+        """From a table of numbers; those of :data:`BESIDE` are passed over.
 
         Raises
         ------
         ValueError
-            A number is missing, unknown, or not finite: the message names it.
+            A number is missing, unknown, not finite, or zero or less where that cannot be: the
+            message names it.
         """
         names = [field.name for field in fields(cls)]
         missing = [name for name in names if name not in numbers]
         if missing:
             raise ValueError(f"the airframe lacks {', '.join(missing)}")
-        unknown = [name for name in numbers if name not in names]
+        unknown = [name for name in numbers if name not in names and name not in BESIDE]
         if unknown:
             raise ValueError(f"the airframe has no use for {', '.join(unknown)}")
         wrong = [name for name in names if not math.isfinite(numbers[name])]
         if wrong:
             raise ValueError(f"not finite in the airframe: {', '.join(wrong)}")
+        wrong = [name for name in POSITIVE if not numbers[name] > 0.0]
+        if wrong:
+            raise ValueError(f"not above zero in the airframe: {', '.join(wrong)}")
+        if not numbers["Jxz_kg_m2"] ** 2 < numbers["Jx_kg_m2"] * numbers["Jz_kg_m2"]:
+            raise ValueError("Jxz_kg_m2 is too large in the airframe: Jxz^2 < Jx Jz is needed")
         return cls(**{name: float(numbers[name]) for name in names})
 
     def row(self) -> Array:

@@ -123,7 +123,7 @@ def whiten_rows(
     x : (n, INPUTS) float64
         Inputs at the rows' times.
     y, S : (n, 6), (n, 6, 4) float64, updated
-        A row whose Q is not finite becomes NaN, which says nothing.
+        A row whose Q is not finite becomes NaN in both, which says nothing.
     lasting : (n, 2) float64 [%], written
         Deviation of right minus left, lift and drag, that coefficients which are off leave for as
         long as the aircraft flies so: root of the sum of squares of the b_j, least squares.
@@ -145,6 +145,8 @@ def whiten_rows(
             lost += 1
             for i in range(AXES):
                 y[k, i] = math.nan
+                for j in range(P):
+                    S[k, i, j] = math.nan
             lasting[k, 0] = lasting[k, 1] = math.inf
             continue
         forward_vector(L, y[k])

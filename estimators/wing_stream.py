@@ -4,7 +4,8 @@ The chain of samar2006 on a stream: slow wind (:mod:`estimators.wing_wind`), res
 signatures (:mod:`estimators.wing_residuals`) with the accelerometers' word where there is one
 (:mod:`estimators.wing_force`), their covariance (:mod:`estimators.wing_noise`), the
 monotone moving horizon on whitened rows (:mod:`estimators.monotone_map`) and the deviations of what
-it says (:mod:`estimators.wing_spread`). Where the stream is cut changes nothing.
+it says (:mod:`estimators.wing_spread`); beside it, whether the airframe is this aircraft's at all
+(:mod:`estimators.wing_misfit`). Where the stream is cut changes nothing.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from estimators.monotone_map import MapTuning, MonotoneMap
 from estimators.wing_force import FORCE_STATE, T_LAST, force_rows
+from estimators.wing_misfit import unlike_rows
 from estimators.wing_model import AXES, FAULTS, Airframe
 from estimators.wing_noise import whiten_rows
 from estimators.wing_residuals import WingResiduals
@@ -78,6 +80,9 @@ class WingRun:
         Deviation of these differences from coefficients that are off: it does not average out.
     trusted : (n,) bool
         Accelerometers and velocity agree; the other rows have not been used.
+    unlike : (n,) float64
+        Residual that no difference between the wings explains (:mod:`estimators.wing_misfit`); NaN
+        in a row that was not used.
     """
 
     t_s: Array
@@ -85,6 +90,7 @@ class WingRun:
     std: Array
     lasting: Array
     trusted: NDArray[np.bool_]
+    unlike: Array
 
 
 class WingStream:
@@ -137,13 +143,15 @@ class WingStream:
         index = np.searchsorted(t, at)
         y[:, :3] += d[index]
         trusted = np.abs(d[index]).max(axis=1, initial=0.0) <= tuning.contradiction_m_s2
-        y[~trusted] = np.nan
         inputs = np.ascontiguousarray(x[index])
         lasting = np.empty((len(at), 2))
         whiten_rows(
             self._c, tuning.coefficient_std, inputs, tuning.gust_m_s, tuning.tas_std_m_s,
             tuning.tilt_std_rad, tuning.share, tuning.floor, y, S, lasting,
         )  # fmt: skip
+        # what the horizon does not use must not narrow the deviations either
+        unused = ~(trusted & np.isfinite(y).all(axis=1))
+        y[unused], S[unused] = np.nan, np.nan
         if len(at) and math.isnan(self._first_s):
             self._first_s = float(at[0])
         # residuals and signatures begin at zero and the wind with the first row's: left out
@@ -157,5 +165,7 @@ class WingStream:
         )
         std = np.empty((len(at), P + 2))
         spread_rows(S, self._kappa, self._ring, self._count, std)
+        unlike = np.empty(len(at))
+        unlike_rows(y, S, unlike)
         f = self._map.run(y, S).f if len(at) else np.empty((0, P))
-        return WingRun(at, f, std, lasting, trusted)
+        return WingRun(at, f, std, lasting, trusted, unlike)

@@ -47,6 +47,7 @@ class Reason(StrEnum):
     SENSORS_DISAGREE = "sensors disagree, none can be told wrong"
     NO_ENGINE_MODEL = "no engine model (mavsentry learn engine)"
     NO_AIRFRAME = "no airframe coefficients ([wing] airframe)"
+    AIRFRAME_MISFIT = "airframe does not fit (mavsentry learn airframe)"
     MUTED = "muted by the operator"
 
 

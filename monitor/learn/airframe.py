@@ -18,7 +18,7 @@ from monitor.learn.reading import Progress, read
 from monitor.learn.thresholds import Unfit
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
-from monitor.settings.wing import LEARNT_KEYS, KnownAirframe, WingSettings, airframe_of
+from monitor.settings.wing import LEARNT_KEYS, KnownAirframe, WingSettings, airframe_of, surfaces_of
 from monitor.watch.wing import wing_tuning
 from monitor.watch.wing_inputs import NEEDED, WingInputs
 
@@ -66,6 +66,8 @@ class AirframeLearnt:
         Largest excess of each wing over the other, in the order of the faults, in the flights.
     flights, seconds
         Names of the logs, and how long they flew in all [s].
+    travel
+        Travel of elevator, aileron and rudder that the flights were read with [us, deg].
     """
 
     start: KnownAirframe
@@ -73,6 +75,7 @@ class AirframeLearnt:
     healthy_percent: tuple[float, ...]
     flights: tuple[str, ...]
     seconds: float
+    travel: tuple[tuple[float, float], ...]
 
 
 class _Tap:
@@ -167,6 +170,7 @@ def learn_airframe(flights: Sequence[AirframeFlight], settings: Settings) -> Air
         tuple(apart.tolist()),
         tuple(one.name for one in flights),
         sum(len(one.t_s) for one in flights) * settings.wing.tick_s,
+        tuple((one.travel_us, one.travel_deg) for one in surfaces_of(settings.wing)),
     )
 
 
@@ -183,6 +187,12 @@ def airframe_document(learnt: AirframeLearnt, name: str) -> str:
     ]
     names = [field.name for field in fields(Airframe)]
     lines += [f"{n} = {getattr(start, n)!r}" for n in names if n not in AERODYNAMIC]
+    lines += ["", "[surfaces]"]
+    if len(set(learnt.travel)) == 1:
+        travel_us, travel_deg = learnt.travel[0]
+        lines += [f"travel_us = {travel_us!r}", f"travel_deg = {travel_deg!r}"]
+    else:
+        lines.append("# Their travels differ: keep those of the [wing] settings.")
     lines += ["", "[coefficients]"]
     for n in AERODYNAMIC:
         was, std = getattr(start, n), float(fit.std[names.index(n)])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from math import inf
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
@@ -11,7 +13,19 @@ from estimators.wing_model import AERODYNAMIC, FAULTS, Airframe
 from links.airframes import AirframeError, load_airframe
 from monitor.settings.base import Section
 
-__all__ = ["LEARNT_KEYS", "KnownAirframe", "SurfaceSettings", "WingSettings", "airframe_of"]
+__all__ = [
+    "LEARNT_KEYS",
+    "KnownAirframe",
+    "SurfaceSettings",
+    "WingSettings",
+    "airframe_of",
+    "surfaces_of",
+]
+
+SURFACES = ("elevator", "aileron", "rudder")
+TRAVEL_US, TRAVEL_DEG = 400.0, 25.0
+"""Where neither the settings nor the airframe's file say."""
+MOST_TRAVEL_US, MOST_TRAVEL_DEG = 1000.0, 60.0
 
 
 class SurfaceSettings(Section):
@@ -26,10 +40,17 @@ class SurfaceSettings(Section):
         "parameter was heard, else 1500.",
     )
     travel_us: float = Field(
-        400.0, gt=0, le=1000, description="Pulse from trim to travel_deg [us]."
+        0.0,
+        ge=0,
+        le=MOST_TRAVEL_US,
+        description="Pulse from trim to travel_deg [us]; 0: as the airframe's file says, else 400.",
     )
     travel_deg: float = Field(
-        25.0, gt=0, le=60, description="Deflection at trim plus travel [deg]."
+        0.0,
+        ge=0,
+        le=MOST_TRAVEL_DEG,
+        description="Deflection at trim plus travel [deg]; 0: as the airframe's file says, else "
+        "25.",
     )
     reversed: bool = Field(
         False,
@@ -169,6 +190,22 @@ class WingSettings(Section):
     )
     clear_s: float = Field(30.0, gt=0, description="If it stays there for so long [s].")
 
+    misfit_limit: float = Field(
+        3.0,
+        gt=0,
+        description="Variance of the residuals that no difference between the wings explains, "
+        "against what is expected of a healthy aircraft, beyond which the airframe is not this "
+        "aircraft's. Models 15 % off reach 2.1, another aircraft's begin at 11.",
+    )
+    misfit_after_s: float = Field(
+        10.0, gt=0, description="Mean over so much flight at least; no wing is judged before [s]."
+    )
+    misfit_until_s: float = Field(
+        120.0,
+        gt=0,
+        description="Later, and once a wing is damaged, the airframe is not asked again [s].",
+    )
+
     @model_validator(mode="after")
     def _readable(self) -> Self:
         if self.airframe:
@@ -188,11 +225,15 @@ class KnownAirframe:
     learnt_percent
         Largest excess of each wing over the other, in the order of the faults, in the healthy
         flights that it was learnt from; None where it was not.
+    travel_us, travel_deg
+        This far from trim a servo deflects its surface so much; None where the file does not say.
     """
 
     airframe: Airframe
     std: tuple[float, ...]
     learnt_percent: tuple[float | None, ...]
+    travel_us: float | None
+    travel_deg: float | None
 
 
 LEARNT_KEYS = tuple(f"healthy_{fault.replace('.', '_')}_percent" for fault in FAULTS)
@@ -207,13 +248,20 @@ def airframe_of(settings: WingSettings) -> KnownAirframe:
     Raises
     ------
     ValueError
-        The file cannot be read, or a number is missing: the message names it.
+        The file cannot be read, or a number is missing or cannot be: the message names it.
     """
     try:
         numbers = load_airframe(settings.airframe)
         own = {n: numbers.pop(f"{n}_std") for n in AERODYNAMIC if f"{n}_std" in numbers}
         learnt = tuple(numbers.pop(key, None) for key in LEARNT_KEYS)
+        beside = {f"{n}_std": std for n, std in own.items()}
+        beside |= {k: v for k, v in zip(LEARNT_KEYS, learnt, strict=True) if v is not None}
+        for key, value in beside.items():
+            if not 0.0 <= value < inf:
+                raise ValueError(f"{key} = {value:g} is not 0 or more, and finite")
         airframe = Airframe.of(numbers)
+        travel_us = _travel(numbers, "travel_us", MOST_TRAVEL_US)
+        travel_deg = _travel(numbers, "travel_deg", MOST_TRAVEL_DEG)
     except AirframeError:
         raise
     except ValueError as error:
@@ -222,4 +270,35 @@ def airframe_of(settings: WingSettings) -> KnownAirframe:
     for name in (field.name for field in fields(Airframe)):
         share = settings.coefficient_share if name in AERODYNAMIC else 0.0
         std.append(abs(own.get(name, share * getattr(airframe, name))))
-    return KnownAirframe(airframe, tuple(std), learnt)
+    return KnownAirframe(airframe, tuple(std), learnt, travel_us, travel_deg)
+
+
+def _travel(numbers: Mapping[str, float], key: str, most: float) -> float | None:
+    value = numbers.get(key)
+    if value is not None and not 0.0 < value <= most:
+        raise ValueError(f"{key} = {value:g} is not above 0 and at most {most:g}")
+    return value
+
+
+def surfaces_of(settings: WingSettings) -> tuple[SurfaceSettings, ...]:
+    """Elevator, aileron and rudder with the travel that counts filled in.
+
+    A key of the settings comes first, then the airframe's file.
+
+    Raises
+    ------
+    ValueError
+        As of :func:`airframe_of`.
+    """
+    known = airframe_of(settings) if settings.airframe else None
+    travel_us = known.travel_us if known is not None else None
+    travel_deg = known.travel_deg if known is not None else None
+    out = []
+    for name in SURFACES:
+        surface: SurfaceSettings = getattr(settings, name)
+        travel = {
+            "travel_us": surface.travel_us or travel_us or TRAVEL_US,
+            "travel_deg": surface.travel_deg or travel_deg or TRAVEL_DEG,
+        }
+        out.append(surface.model_copy(update=travel))
+    return tuple(out)

@@ -27,6 +27,9 @@ __all__ = ["EngineWatch"]
 
 Array = NDArray[np.float64]
 
+STEPS_AT_ONCE = 512
+"""Steps that are judged by one call: the room for what is said of them is made once."""
+
 
 class EngineWatch:
     """Judges engine-speed channels, and says when an engine has stopped.
@@ -48,6 +51,7 @@ class EngineWatch:
         self._units = units(settings)
         self._judged = es.new_judged()
         self._every = max(round(settings.emit_s / settings.tick_s), 1)
+        self._log = np.empty((STEPS_AT_ONCE * es.MOST_SAID, es.N_LOG))
         self._epoch_us: int | None = None
         self._last_s = 0.0
         self._closed = 0
@@ -88,25 +92,26 @@ class EngineWatch:
         for unit in self._units:
             self._estimate(unit, table, y, (w, least, most, mu, sd), (speed, std))
         halted = np.empty((steps, et.N_SHAFTS))
-        log = np.empty((6 * steps + 64, es.N_LOG))
-        said = judge(
-            self._judged,
-            self._judge_rules,
-            self._groups,
-            table,
-            y,
-            w,
-            least,
-            most,
-            mu,
-            sd,
-            halted,
-            log,
-        )
-        result = StepResult([verdict(row, epoch_us) for row in log[:said]])
-        first = -self._closed % self._every
+        result = StepResult()
+        for first in range(0, steps, STEPS_AT_ONCE):
+            part = slice(first, first + STEPS_AT_ONCE)
+            said = judge(
+                self._judged,
+                self._judge_rules,
+                self._groups,
+                table[part],
+                y[part],
+                w[part],
+                least[part],
+                most[part],
+                mu[part],
+                sd[part],
+                halted[part],
+                self._log,
+            )
+            result.verdicts += [verdict(row, epoch_us) for row in self._log[:said]]
+        chosen = slice(-self._closed % self._every, None, self._every)
         self._closed += steps
-        chosen = slice(first, None, self._every)
         if self._units and len(table[chosen]):
             # of an engine that stands or windmills its channels are believed, not its model
             speed = np.where(np.isfinite(halted), halted, speed)

@@ -1,8 +1,9 @@
 """What the wing watch needs of a flight, on a fixed grid of time.
 
 Every stream is taken linearly between its samples, so a tick waits until all streams have passed
-it; a stream that is late by more than ``late_s`` is not waited for and its tick is blank. Which
-rows came in one step together changes nothing.
+it; a stream that is late by more than ``late_s`` is not waited for and its tick is blank. A pause
+of all of them has :data:`GAP_S` of blank ticks. Which rows came in one step together changes
+nothing.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from estimators.atmosphere import EXPONENT, LAPSE_K_M, P0_PA, R_AIR, RHO0_KG_M3,
 from estimators.attitude import euler_rows_from_quaternion_rows
 from estimators.wing_model import INPUTS, inputs_of
 from links.samples import Rows, empty_rows
-from monitor.settings.wing import SurfaceSettings, WingSettings
+from monitor.settings.wing import SurfaceSettings, WingSettings, surfaces_of
 
 __all__ = ["NEEDED", "Ticks", "WingInputs"]
 
@@ -28,6 +29,9 @@ NEEDED = ("attitude", "velocity", "servo outputs", "airspeed", "propeller speed"
 """What a tick can lack, in the order in which it is named."""
 PITOTS = ("airspeed0", "airspeed1", "airspeed2")
 RPM_RAD_S = 2.0 * pi / 60.0
+GAP_S = 5.0
+"""A pause of all streams longer than this is skipped over."""
+MOST_TRIM_US = 2500.0
 
 
 @dataclass(slots=True)
@@ -95,11 +99,12 @@ class WingInputs:
     """Streams in, ticks out."""
 
     def __init__(self, settings: WingSettings) -> None:
-        self._settings = settings
+        self._settings, self._surfaces = settings, surfaces_of(settings)
         self._tracks = {
             "attitude": _Track(7),
             "nav": _Track(4),
-            "servo": _Track(4),
+            "servo": _Track(3),
+            "throttle": _Track(1),
             "spool": _Track(1),
             "baro": _Track(1),
             "imu": _Track(3),
@@ -111,20 +116,23 @@ class WingInputs:
         self._q: Array | None = None
         self._newest_s = -np.inf
         self._next: int | None = None
+        self._pauses: list[tuple[int, int]] = []
 
     def take(self, rows: Mapping[str, Rows], epoch_us: int) -> Ticks:
         """Use newly released rows; return the ticks that they closed."""
+        heard = [np.array([self._newest_s])]
         for sensor, new in rows.items():
             name = "spool" if sensor == f"spool{self._settings.spool}" else sensor
             name = {"baro0": "baro", "imu0": "imu"}.get(sensor, name)
             if name in self._tracks and len(new):
                 t = (new["t_us"] - epoch_us) * 1e-6
-                self._newest_s = max(self._newest_s, float(t[-1]))
+                heard.append(t)
                 if name == "imu":
                     self._integrate(t, new["acc_m_s2"])
                 elif name != "servo":
                     self._tracks[name].add(t, self._values(name, new))
         self._servo(rows, epoch_us)
+        self._pause(np.sort(np.concatenate(heard)))
         tick_s, late_s = self._settings.tick_s, self._settings.late_s
         seen = [track.t[-1] for track in self._tracks.values() if len(track.t)]
         if not seen:
@@ -136,12 +144,28 @@ class WingInputs:
         if self._next is None:
             self._next = int(np.ceil(min(float(track.t[0]) for track in self._tracks.values()
                                          if len(track.t)) / tick_s))  # fmt: skip
-        ticks = np.arange(self._next, max(end, self._next), dtype=np.float64) * tick_s
+        out = self._close(self._steps(self._next, end) * tick_s)
         self._next = max(end, self._next)
-        out = self._close(ticks)
         for track in self._tracks.values():
             track.forget((self._next - 1) * tick_s)
         return out
+
+    def _pause(self, t: Array) -> None:
+        """Note long pauses between the times in order, the first of which was the newest before."""
+        for k in np.flatnonzero(np.diff(t) > GAP_S):
+            if np.isfinite(t[k]):
+                first = int(np.floor((t[k] + GAP_S) / self._settings.tick_s)) + 1
+                self._pauses.append((first, int(np.floor(t[k + 1] / self._settings.tick_s))))
+        self._newest_s = float(t[-1])
+
+    def _steps(self, start: int, end: int) -> Array:
+        """Steps from start to before end, without those in pauses."""
+        parts = []
+        for first, after in self._pauses:
+            parts.append(np.arange(start, min(first, end), dtype=np.float64))
+            start = max(start, min(after, end))
+        self._pauses = [pause for pause in self._pauses if pause[1] > end]
+        return np.concatenate([*parts, np.arange(start, end, dtype=np.float64)])
 
     def _integrate(self, t: Array, acc: Array) -> None:
         """Specific force as its integral, of which ticks take differences: a mean, not a sample."""
@@ -180,7 +204,10 @@ class WingInputs:
         return np.asarray(out)
 
     def _servo(self, rows: Mapping[str, Rows], epoch_us: int) -> None:
-        """Pulses as deflections [rad] and throttle; a trim counts from when it is heard."""
+        """Pulses as deflections [rad] and throttle; a trim counts from when it is heard.
+
+        A trim that is no pulse is passed over.
+        """
         new = rows.get("servo")
         if new is None:
             new = empty_rows("servo")
@@ -196,7 +223,8 @@ class WingInputs:
                     before += 1
                 self._deflect(new[:before], epoch_us)
                 new = new[before:]
-                self._trims[int(channel)] = float(row["value"])
+                if 0.0 < row["value"] <= MOST_TRIM_US:
+                    self._trims[int(channel)] = float(row["value"])
         self._deflect(new, epoch_us)
 
     def _deflect(self, new: Rows, epoch_us: int) -> None:
@@ -204,10 +232,12 @@ class WingInputs:
             return
         s = self._settings
         pwm = np.where(new["pwm_us"] > 0.0, new["pwm_us"], np.nan)
-        surfaces = [self._deflection(pwm, one) for one in (s.elevator, s.aileron, s.rudder)]
-        throttle = np.clip((pwm[:, s.throttle_channel - 1] - 1000.0) / 1000.0, 0.0, 1.0)
-        y = np.column_stack([*surfaces, np.nan_to_num(throttle, nan=0.0)])
-        self._tracks["servo"].add((new["t_us"] - epoch_us) * 1e-6, y)
+        surfaces = [self._deflection(pwm, one) for one in self._surfaces]
+        t = (new["t_us"] - epoch_us) * 1e-6
+        self._tracks["servo"].add(t, np.column_stack(surfaces))
+        if s.thrust_from != "rpm":
+            throttle = (pwm[:, [s.throttle_channel - 1]] - 1000.0) / 1000.0
+            self._tracks["throttle"].add(t, np.clip(throttle, 0.0, 1.0))
 
     def _deflection(self, pwm: Array, surface: SurfaceSettings) -> Array:
         trim = surface.trim_us or self._trims.get(surface.channel, 1500.0)
@@ -231,7 +261,7 @@ class WingInputs:
         prop = RPM_RAD_S * s.spool_ratio * np.maximum(tracks["spool"][:, 0], 0.0)
         if s.thrust_from != "rpm":
             span = s.prop_full_rad_s - s.prop_idle_rad_s
-            guess = s.prop_idle_rad_s + span * servo[:, 3] + s.prop_advance_rad_m * tas
+            guess = s.prop_idle_rad_s + span * tracks["throttle"][:, 0] + s.prop_advance_rad_m * tas
             prop = guess if s.thrust_from == "throttle" else np.where(
                 np.isfinite(prop), prop, guess)  # fmt: skip
         x = inputs_of(

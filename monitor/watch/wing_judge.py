@@ -1,17 +1,19 @@
 """Judgement of the wings: estimates in, changes of state out.
 
 A wing is damaged when it has lost more lift, or gained more drag, than the *other* one. What both
-have in common cannot be told from a wrong airspeed, another payload or an updraft.
+have in common cannot be told from a wrong airspeed, another payload or an updraft. Before a wing is
+judged at all, the airframe has to fit (:mod:`estimators.wing_misfit`).
 """
 
 from __future__ import annotations
 
 from collections import deque
-from math import hypot, isfinite, nan
+from math import ceil, hypot, isfinite, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.wing_misfit import Misfit
 from estimators.wing_model import FAULTS
 from estimators.wing_stream import WingRun
 from links.vocabulary import Kind, Reason, State
@@ -34,6 +36,11 @@ STEP_PERCENT_S = 0.8
 LEARNT_MARGIN_PERCENT = 2.0
 """Over the largest difference of the healthy flights that an airframe was learnt from: a few
 flights do not show the largest there is."""
+UNLIKE = (
+    "the aircraft does not fly as this airframe says, with wings whole or damaged: residuals have "
+    "{mean:.1f} times the variance expected, {limit:.1f} allowed; learn it with `mavsentry learn "
+    "airframe`, or check its coefficients and the surfaces of [wing]"
+)
 CONTRADICTION = "accelerometers and velocity contradict one another"
 ESTIMATOR = "wing_stream"
 
@@ -57,6 +64,10 @@ class WingJudge:
         self._limit = (s.lift_percent, s.drag_percent, s.lift_percent, s.drag_percent)
         self._sigmas, self._confirm_s = (s.lift_sigmas, s.drag_sigmas), s.confirm_s
         self._clear_share, self._clear_s = s.clear_share, s.clear_s
+        self._misfit_limit = s.misfit_limit
+        self._misfit_rows = tuple(
+            ceil(asked_s / s.period_s) for asked_s in (s.misfit_after_s, s.misfit_until_s)
+        )
         self._peaks = {"wing.lift_percent": nan, "wing.drag_percent": nan}
         self._said: list[State | None] = [None] * 4
         self._reason: Reason | None = None
@@ -65,6 +76,7 @@ class WingJudge:
     def renew(self) -> None:
         """A new flight: nothing is held against a wing."""
         self._begun = False
+        self._misfit = Misfit(self._misfit_limit, *self._misfit_rows)
         self._damaged = [False] * 4
         self._since: list[float] = [nan] * 4
         self._below: list[float] = [nan] * 4
@@ -92,13 +104,21 @@ class WingJudge:
     def judge(self, run: WingRun, epoch_us: int) -> list[Verdict]:
         """Verdicts on rows of estimates."""
         out: list[Verdict] = []
-        columns = (run.t_s, run.f, run.std[:, 4:], run.lasting, run.trusted)
+        columns = (run.t_s, run.f, run.std[:, 4:], run.lasting, run.trusted, run.unlike)
         rows = zip(*(column.tolist() for column in columns), strict=True)
-        for t_s, f, std, lasting, trusted in rows:
+        for t_s, f, std, lasting, trusted, unlike in rows:
             self._begun = True
+            t_us = epoch_us + round(t_s * 1e6)
+            fits = self._misfit.note(unlike)
+            if fits is False:
+                why = UNLIKE.format(mean=self._misfit.mean, limit=self._misfit_limit)
+                out += self.cannot(t_us, Reason.AIRFRAME_MISFIT, why)
+                continue
             if not trusted:
-                t_us = epoch_us + round(t_s * 1e6)
                 out += self.cannot(t_us, Reason.REFERENCE_NOT_TRUSTED, CONTRADICTION)
+                continue
+            if fits is None:
+                out += self.cannot(t_us, Reason.LEARNING)
                 continue
             self._reason = None
             for i in range(4):
@@ -126,6 +146,8 @@ class WingJudge:
                 self._since[i] = t_s if not isfinite(self._since[i]) else self._since[i]
                 self._damaged[i] = t_s - self._since[i] >= self._confirm_s
                 self._below[i] = nan
+                if self._damaged[i]:
+                    self._misfit.settle()
             else:
                 self._since[i] = nan
                 peak = self._peaks[key]

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.resources import files
@@ -38,6 +38,7 @@ AIRSPEED_M_S = 25.0
 HEALTHY = "aerosonde-healthy"
 LEARN_FROM = (7001, 7002, 7003)
 WRONG_SHARE = 0.15
+N_MODELS = 3
 READY_S = 180.0
 DRAG = "aerosonde-drag-ramp"
 RPM = "aerosonde-rpm-sensors"
@@ -176,9 +177,8 @@ def written(flight: Case) -> Path:
 
 def configuration(file: Path, engine: Path, airframe: str) -> Path:
     """A configuration file: the learnt engine, and the airframe."""
-    wing = [f'[wing]\nairframe = "{airframe}"']
-    wing += [f"[wing.{name}]\ntravel_deg = 28.648" for name in ("elevator", "aileron", "rudder")]
-    file.write_text("\n".join([engine.read_text(), *wing]) + "\n", encoding="utf-8")
+    wing = f'[wing]\nairframe = "{airframe}"\n'
+    file.write_text(f"{engine.read_text()}\n{wing}", encoding="utf-8")
     return file
 
 
@@ -223,50 +223,67 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=8001)
     parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--part", choices=("live", "models", "all"), default="all")
     chosen = parser.parse_args()
     out: Path = chosen.out
     out.mkdir(parents=True, exist_ok=True)
     teachers = [written(case(out, HEALTHY, seed)) for seed in LEARN_FROM]
     engine = out / "engine.toml"
-    print(mavsentry("learn", "engine", *teachers, "--out", engine))
-    right = configuration(out / "right.toml", engine, "aerosonde")
-    healthy = [case(out, HEALTHY, chosen.first_seed + k) for k in range(chosen.seeds)]
-    groups = {"healthy": healthy} | {
-        name: [case(out, name, chosen.first_seed + 100 + k) for k in range(chosen.broken_seeds)]
+    print(mavsentry("learn", "engine", *teachers, "--out", engine, "--force"), flush=True)
+    first = chosen.first_seed
+    groups = {HEALTHY: [case(out, HEALTHY, first + k) for k in range(chosen.seeds)]} | {
+        name: [case(out, name, first + 100 + k) for k in range(chosen.broken_seeds)]
         for name in (*BROKEN, RPM, "aerosonde-engine-cut")
     }
     with ThreadPoolExecutor(chosen.jobs) as pool:
-        for name, flights in groups.items():
-            live = pool.map(lambda f: flown_live(f, right, chosen.speed), flights)
-            told(flights, list(live), f"live, {name}")
-        for flight in groups[RPM]:
-            error = np.abs(speed_error(flight)) / engine_range(engine)
-            print(
-                f"  {flight.name}-{flight.seed}: 95 % error {np.quantile(error, 0.95):.2%} of range"
+        if chosen.part != "models":
+            live(groups, engine, out, chosen.speed, pool)
+        if chosen.part != "live":
+            for k in range(N_MODELS):
+                with_model(k, groups, engine, teachers, out, pool)
+
+
+def live(
+    groups: Mapping[str, Sequence[Case]],
+    engine: Path,
+    out: Path,
+    speed: float,
+    pool: ThreadPoolExecutor,
+) -> None:
+    """Print what daemons find over UDP with the right coefficients."""
+    config = configuration(out / "right.toml", engine, "aerosonde")
+    flying = {
+        name: [pool.submit(flown_live, flight, config, speed) for flight in flights]
+        for name, flights in groups.items()
+    }
+    for name, flights in groups.items():
+        told(flights, [landed.result() for landed in flying[name]], f"live, {name}")
+    for flight in groups[RPM]:
+        error = np.abs(speed_error(flight)) / engine_range(engine)
+        print(f"  {flight.name}-{flight.seed}: 95 % error {np.quantile(error, 0.95):.2%} of range")
+
+
+def with_model(
+    k: int,
+    groups: Mapping[str, Sequence[Case]],
+    engine: Path,
+    teachers: Sequence[Path],
+    out: Path,
+    pool: ThreadPoolExecutor,
+) -> None:
+    """Print what ``analyze`` finds with a wrong model, and with what was learnt from it."""
+    start, learnt_file = wrong_airframe(out, k), out / f"learnt-{k}.toml"
+    off = configuration(out / f"config-{k}.toml", engine, str(start))
+    options = ("--start", start, "--config", off, "--out", learnt_file, "--force")
+    mavsentry("learn", "airframe", *teachers, *options)
+    learnt = configuration(out / f"config-learnt-{k}.toml", engine, str(learnt_file))
+    for config, word in ((off, "15 % off"), (learnt, "the same, learnt")):
+        for name in (HEALTHY, *BROKEN):
+            results = pool.map(
+                lambda flight, config=config: analysed(written(flight), config, out / config.stem),
+                groups[name],
             )
-        for k in range(3):
-            off = configuration(out / f"config-{k}.toml", engine, str(wrong_airframe(out, k)))
-            learnt_from = out / f"learnt-{k}.toml"
-            start = wrong_airframe(out, k)
-            mavsentry(
-                "learn",
-                "airframe",
-                *teachers,
-                "--start",
-                start,
-                "--config",
-                off,
-                "--out",
-                learnt_from,
-            )
-            learnt = configuration(out / f"learnt-config-{k}.toml", engine, str(learnt_from))
-            for config, word in ((off, "15 % off"), (learnt, "the same, learnt")):
-                for name in ("healthy", *BROKEN):
-                    results = pool.map(
-                        lambda f, c=config, w=word: analysed(written(f), c, out / f"{c.stem}"),
-                        groups[name],
-                    )
-                    told(groups[name], list(results), f"model {k} {word}, {name}")
+            told(groups[name], list(results), f"model {k} {word}, {name}")
 
 
 def engine_range(engine: Path) -> float:

@@ -103,6 +103,10 @@ def test_what_a_fit_cannot_use_is_said() -> None:
     few = Record(0.5 + 0.1 * np.sin(k), np.full(400, 20.0), np.full((400, 1), np.nan))
     with pytest.raises(ValueError, match="too few"):
         fit_single_shaft([few], 0.05)
+    read = np.where(k < 200, 3000.0 + 5.0 * k, np.nan)[:, None]
+    half = Record(0.5 + 0.1 * np.sin(k), np.full(400, 20.0), read)
+    with pytest.raises(ValueError, match="in a part of these flights only"):
+        fit_single_shaft([half], 0.05)
 
 
 def flown(throttle: np.ndarray, noise: float = 0.8) -> np.ndarray:

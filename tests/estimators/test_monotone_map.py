@@ -190,6 +190,19 @@ class TestWindow:
             parts.append(estimator.run(y[rows], S[rows]).f)
         np.testing.assert_array_equal(np.vstack(parts), whole.f)
 
+    def test_rows_that_are_not_solved_repeat_the_last_one_that_was(self):
+        """Numbers too large to be squared spoil every window that holds them."""
+        y, S = residuals(np.random.default_rng(6), 90, faults=np.full((90, 4), 3.0))
+        S[50] = 1e200
+        tuning = MapTuning(np.eye(6), np.ones(4), np.eye(4), 10)
+        whole = MonotoneMap(tuning).run(y, S)
+        assert (whole.status[50:60] == qp.NON_FINITE).all()
+        assert whole.f[49, 0] > 1.0
+        np.testing.assert_array_equal(whole.f[50:60], np.tile(whole.f[49], (10, 1)))
+        estimator = MonotoneMap(tuning)
+        parts = [estimator.run(y[k : k + 1], S[k : k + 1]).f for k in range(90)]
+        np.testing.assert_array_equal(np.vstack(parts), whole.f)
+
     def test_warm_start_changes_the_count_of_iterations_only(self):
         y, S = residuals(np.random.default_rng(7), 120, faults=np.full((120, 4), 3.0))
         tuning = MapTuning(np.eye(6), np.ones(4), np.eye(4), 30)

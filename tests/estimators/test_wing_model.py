@@ -14,7 +14,7 @@ from estimators.wing_faults import (
     residual_covariance,
     second_moment,
 )
-from estimators.wing_model import AERODYNAMIC, Airframe, inputs_of, predict_rows
+from estimators.wing_model import AERODYNAMIC, POSITIVE, Airframe, inputs_of, predict_rows
 from estimators.wing_residuals import WingResiduals, body_velocity, low_passed
 from links.airframes import load_airframe
 
@@ -144,6 +144,16 @@ class TestAirframe:
             Airframe.of({**numbers, "Clx": 1.0})
         with pytest.raises(ValueError, match=r"not finite.*CL0"):
             Airframe.of({**numbers, "CL0": math.nan})
+
+    @pytest.mark.parametrize("key", POSITIVE)
+    @pytest.mark.parametrize("value", [0.0, -1.0])
+    def test_what_must_be_above_zero_is_named(self, key, value):
+        with pytest.raises(ValueError, match=f"not above zero in the airframe: {key}$"):
+            Airframe.of(load_airframe("aerosonde") | {key: value})
+
+    def test_a_product_of_inertia_that_no_body_has_is_named(self):
+        with pytest.raises(ValueError, match="Jxz_kg_m2 is too large"):
+            Airframe.of(load_airframe("aerosonde") | {"Jxz_kg_m2": -1.3})
 
     def test_the_kernel_reads_the_row_that_the_fields_make(self, aerosonde):
         """Every aerodynamic number changes some acceleration in a general state."""

@@ -118,6 +118,16 @@ def test_whitened_rows_have_the_noise_taken_out() -> None:
     np.testing.assert_allclose(S[0].T @ S[0], S0[0].T @ inverse @ S0[0], rtol=1e-9)
 
 
+def test_a_row_that_is_lost_says_nothing_at_all() -> None:
+    x = level(2)
+    x[1, 16] = np.inf
+    y, S, lasting = np.ones((2, 6)), np.ones((2, 6, 4)), np.empty((2, 2))
+    assert whiten_rows(AIRFRAME.row(), STD, x, 0.8, 0.3, 0.002, 0.005, FLOOR, y, S, lasting) == 1
+    assert np.isfinite(S[0]).all()
+    assert np.isnan(y[1]).all()
+    assert np.isnan(S[1]).all()
+
+
 def test_known_coefficients_leave_no_lasting_difference() -> None:
     x, y, lasting = level(1), np.zeros((1, 6)), np.empty((1, 2))
     S, phi, hurt = np.empty((1, 6, 4)), np.empty((1, 6)), np.empty((1, 6))
@@ -202,7 +212,8 @@ def test_any_split_gives_the_same_estimates(cuts: list[int]) -> None:
     t, x, acc = damaged(0, 10.0)
     whole, pieces = run_all(t, x, acc, []), run_all(t, x, acc, cuts)
     for field in fields(WingRun):
-        assert np.array_equal(getattr(whole, field.name), getattr(pieces, field.name)), field.name
+        one, other = getattr(whole, field.name), getattr(pieces, field.name)
+        assert np.array_equal(one, other, equal_nan=True), field.name
 
 
 def test_contradicting_accelerometers_are_not_used() -> None:
@@ -212,6 +223,11 @@ def test_contradicting_accelerometers_are_not_used() -> None:
     run = WingStream(AIRFRAME, tuning()).run(t, x, acc)
     assert run.trusted[run.t_s < 40.0].all()
     assert not run.trusted[run.t_s > 42.0].any()
+    lift = run.std[:, 4]
+    before, since = lift[run.t_s < 40.0][-1], run.t_s - 42.0
+    assert (lift[1:] >= lift[:-1])[since[1:] > 0.0].all()
+    assert lift[since > 12.5][0] > 1.2 * before
+    assert np.isinf(run.std[since > 26.0]).all()  # nothing in the window is believed
 
 
 def test_faults_and_inputs_are_those_of_the_model() -> None:

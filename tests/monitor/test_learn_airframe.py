@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -85,13 +86,32 @@ def test_the_file_is_read_back(learnt: AirframeLearnt, tmp_path: Path) -> None:
     assert known.airframe.mass_kg == TRUE["mass_kg"]
     np.testing.assert_allclose(known.std, learnt.fit.std, rtol=0.01)
     assert known.learnt_percent == pytest.approx(learnt.healthy_percent, rel=0.01)
+    assert (known.travel_us, known.travel_deg) == (400.0, 28.648)
     assert tomllib.loads(path.read_text())["name"] == "mine"
+
+
+def test_travels_that_the_settings_name_go_into_the_file(learnt: AirframeLearnt) -> None:
+    own = airframe_document(replace(learnt, travel=((350.0, 20.0),) * 3), "mine")
+    assert tomllib.loads(own)["surfaces"] == {"travel_us": 350.0, "travel_deg": 20.0}
+    apart = ((400.0, 20.0), (400.0, 25.0), (400.0, 25.0))
+    assert not tomllib.loads(airframe_document(replace(learnt, travel=apart), "m"))["surfaces"]
 
 
 def test_a_log_without_servos_is_refused(wrong: Settings) -> None:
     rows = {name: r for name, r in batch(81).rows.items() if name != "servo"}
     with pytest.raises(Unfit, match=r"x\.tlog: flies 0 s .* servo outputs is missing"):
         airframe_flight_of([Batch(rows)], wrong, "x.tlog")
+
+
+@pytest.mark.parametrize("step_s", [0.05, 30.0])
+def test_flights_of_moments_only_are_refused(
+    wrong: Settings, flights: list[AirframeFlight], step_s: float
+) -> None:
+    """Too short for one row, or with a pause before every moment."""
+    one, t_s = flights[0], step_s * np.arange(5)
+    short = AirframeFlight("a.tlog", t_s, one.x[:5], one.acc[:5])
+    with pytest.raises(Unfit, match="no stretch with all inputs"):
+        learn_airframe([short, short], wrong)
 
 
 def test_the_command_names_a_missing_coefficient(tmp_path: Path) -> None:

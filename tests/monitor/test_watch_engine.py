@@ -14,7 +14,7 @@ from monitor.learn.engine import EngineFlight, EngineLearnt, flight_of, learn_en
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.settings.engine import EngineSettings
-from monitor.verdict import Verdict
+from monitor.verdict import PHASE_ROW, Verdict
 from monitor.watch.engine import EngineWatch
 
 from .engine_flights import BOOT_S, aerosonde, batch_of
@@ -272,3 +272,38 @@ def test_two_channels_without_a_model_that_drift_apart_disagree_and_none_is_blam
     assert not alarms(verdicts)
     said = {v.sensor for v in verdicts if v.reason is Reason.SENSORS_DISAGREE}
     assert said == {"spool0", "spool1"}
+
+
+def told_by_watch(batch: Batch, engine: EngineSettings, lands_s: float) -> list[Verdict]:
+    """Of the watch alone, in flight until it lands."""
+    phase = np.zeros(2, PHASE_ROW)
+    phase["t_us"] = [round(BOOT_S * 1e6), round((BOOT_S + lands_s) * 1e6)]
+    phase["flying"] = [True, False]
+    return EngineWatch(engine).step({**batch.rows, "phase": phase}, 1 << 62).verdicts
+
+
+def test_every_engine_that_stopped_is_let_go_on_the_ground() -> None:
+    fit = learnt()
+    first, second = list(fit.channels.values())[:2]
+    engine = EngineSettings(
+        model="single-shaft",
+        channels={"spool0": first, "spool1": second.model_copy(update={"shaft": 1})},
+        single_shaft=fit.settings,
+        throttle_channels=(3,),
+    )
+    verdicts = told_by_watch(batch_of(aerosonde(4, cut_s=BROKEN_S), 2), engine, 120.0)
+    for name in ("engine0", "engine1"):
+        of = [v for v in verdicts if v.sensor == name]
+        assert State.STOPPED in [v.state for v in of], name
+        assert (of[-1].state, of[-1].reason) == (State.UNMONITORED, Reason.ON_GROUND), name
+
+
+def test_all_channels_may_change_at_every_step() -> None:
+    batch = batch_of(aerosonde(1), 1)
+    rows = dict(batch.rows) | {f"spool{i}": batch.rows["spool0"] for i in range(1, 16)}
+    rows["servo"] = rows["servo"].copy()
+    rows["servo"]["pwm_us"][1::2, 2] = 0.0
+    verdicts = told_by_watch(Batch(rows), EngineSettings(), 140.0)
+    spools = [v for v in verdicts if v.sensor.startswith("spool")]
+    assert {v.sensor for v in spools} == {f"spool{i}" for i in range(16)}
+    assert len(spools) > 10 * len(rows["servo"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,11 @@ from links.vocabulary import Reason, State
 from monitor.publish import Publisher, masks
 from monitor.settings import Settings
 from monitor.settings.publish import PublishSettings
-from monitor.settings.wing import WingSettings, airframe_of
+from monitor.settings.wing import WingSettings, airframe_of, surfaces_of
 from monitor.verdict import PHASE_ROW, StepResult, Verdict
 from monitor.watch.wing import WingWatch
 from sim_feeds.sixdof import SixDofFlight, WingFault, fly_aerosonde
-from tests.monitor.wing_flights import TRAVEL_DEG, rows_of
+from tests.monitor.wing_flights import TRAVEL_DEG, TRAVEL_US, rows_of
 
 pytest.importorskip("jsbsim", reason="the vehicle needs the extra sim")
 
@@ -32,8 +33,7 @@ SENSORS = {"wing_left.lift", "wing_left.drag", "wing_right.lift", "wing_right.dr
 
 
 def settings(airframe: str = "aerosonde", **other: object) -> WingSettings:
-    surfaces = {name: {"travel_deg": TRAVEL_DEG} for name in ("elevator", "aileron", "rudder")}
-    return WingSettings.model_validate({"airframe": airframe, **surfaces, **other})
+    return WingSettings.model_validate({"airframe": airframe, **other})
 
 
 @cache
@@ -151,7 +151,7 @@ def test_reversed_servos_and_trims_are_undone() -> None:
     pwm = given["servo"]["pwm_us"].copy()
     pwm[:, 0] = 1530.0 - (pwm[:, 0] - 1500.0)
     given["servo"]["pwm_us"] = pwm
-    aileron = {"travel_deg": TRAVEL_DEG, "reversed": True, "trim_us": 1530.0}
+    aileron = {"reversed": True, "trim_us": 1530.0}
     wing = run(given, settings(aileron=aileron)).estimates["wing"]
     plain = run(rows("left-lift")).estimates["wing"]
     np.testing.assert_allclose(wing["left_lift_percent"], plain["left_lift_percent"], atol=1e-6)
@@ -173,7 +173,7 @@ def test_without_an_imu_lift_is_still_found() -> None:
     assert 0.0 < lift.t_us * 1e-6 - ONSET_S <= 8.0
 
 
-def test_a_missing_coefficient_is_named(tmp_path: object) -> None:
+def test_a_missing_coefficient_is_named(tmp_path: Path) -> None:
     numbers = load_airframe("aerosonde")
     del numbers["Cmq"]
     path = f"{tmp_path}/mine.toml"
@@ -188,6 +188,42 @@ def test_deviations_of_the_file_count() -> None:
     assert known.std[0] == 0.0  # mass
     assert max(known.std) == pytest.approx(3.821)  # Cmq
     assert known.learnt_percent == (None,) * 4
+
+
+def travels(chosen: WingSettings) -> list[tuple[float, float]]:
+    return [(one.travel_us, one.travel_deg) for one in surfaces_of(chosen)]
+
+
+def airframe_file(path: Path, **other: float) -> str:
+    numbers = load_airframe("aerosonde") | other
+    path.write_text("[all]\n" + "\n".join(f"{k} = {v!r}" for k, v in numbers.items()))
+    return str(path)
+
+
+def test_the_airframe_says_how_far_its_servos_go() -> None:
+    assert travels(WingSettings()) == [(400.0, 25.0)] * 3
+    assert travels(settings()) == [(TRAVEL_US, pytest.approx(TRAVEL_DEG, abs=1e-3))] * 3
+    own = settings(aileron={"travel_deg": 20.0}, rudder={"travel_us": 500.0})
+    assert travels(own) == [(400.0, 28.648), (400.0, 20.0), (500.0, 28.648)]
+
+
+@pytest.mark.parametrize("key", ["Cmq_std", "CL0_std", "healthy_left_drag_percent"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0])
+def test_a_deviation_that_cannot_be_is_named(tmp_path: Path, key: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"mine\.toml: {key} = "):
+        settings(airframe_file(tmp_path / "mine.toml", **{key: value}))
+
+
+def test_a_mass_that_cannot_be_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"mine\.toml: not above zero in the airframe: mass_kg"):
+        settings(airframe_file(tmp_path / "mine.toml", mass_kg=0.0))
+
+
+@pytest.mark.parametrize("key", ["travel_us", "travel_deg"])
+@pytest.mark.parametrize("value", [0.0, -5.0, float("nan"), 1001.0])
+def test_a_travel_that_cannot_be_is_named(tmp_path: Path, key: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"mine\.toml: {key} = "):
+        settings(airframe_file(tmp_path / "mine.toml", **{key: value}))
 
 
 def test_what_is_published() -> None:

@@ -298,6 +298,20 @@ def test_the_aircraft_file_is_package_data():
     assert "fault/right-lift-percent" in xml.read_text(encoding="utf-8")
 
 
+def full_travel_deg():
+    """Where the servos of all three surfaces end when they are told to go all the way."""
+    fdm = Engine("aerosonde", dt_s=STEP_S).fdm
+    fdm.run_ic()
+    surfaces = ("elevator", "aileron", "rudder")
+    for name in surfaces:
+        fdm[f"fcs/{name}-cmd-norm"] = 1.0
+    for _ in range(round(0.6 / STEP_S)):
+        fdm.run()
+    ends = np.degrees([fdm[f"fcs/{name}-pos-rad"] for name in surfaces])
+    assert np.ptp(ends) == 0.0
+    return ends[0]
+
+
 def test_the_aircraft_file_and_the_airframe_table_agree():
     """Two files on purpose, two models: JSBSim's aircraft and the table that estimators read."""
     numbers = load_airframe("aerosonde")
@@ -316,6 +330,8 @@ def test_the_aircraft_file_and_the_airframe_table_agree():
         "stall_M": fdm["aero/coefficient/stall-M"],
         "stall_alpha_rad": fdm["aero/coefficient/stall-alpha0"],
         "diameter_m": fdm["propeller/diameter-m"],
+        "travel_us": 400.0,  # of the servo outputs that the feed sends
+        "travel_deg": full_travel_deg(),
     }
     for key in numbers.keys() - own.keys():
         where = "propeller" if key.startswith(("CT", "CQ")) else "aero/coefficient"
