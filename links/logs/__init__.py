@@ -7,11 +7,13 @@ then ask ``reader.info``.
 from pathlib import Path
 
 from links.logs.base import LogError, LogInfo, LogReader
+from links.logs.dataflash import DataflashReader, read_dataflash
 from links.logs.tlog import TlogReader, TlogWriter, read_tlog
 from links.logs.ulog import UlogReader, read_ulog
 from links.mavlink.options import DecoderOptions
 
 __all__ = [
+    "DataflashReader",
     "LogError",
     "LogInfo",
     "LogReader",
@@ -19,6 +21,7 @@ __all__ = [
     "TlogWriter",
     "UlogReader",
     "open_log",
+    "read_dataflash",
     "read_tlog",
     "read_ulog",
 ]
@@ -48,6 +51,8 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogRead
     suffix = path.suffix.lower()
     if head.startswith(_ULOG_MAGIC) or suffix == ".ulg":
         return read_ulog(path, options)
-    if head.startswith(_DATAFLASH_MAGIC) or suffix in (".bin", ".log"):
-        raise LogError(f"{path}: not supported yet: ArduPilot DataFlash (.BIN)")
+    if head.startswith(_DATAFLASH_MAGIC) or suffix == ".bin":
+        return read_dataflash(path, options)
+    if suffix == ".log" and head.startswith(b"FMT"):
+        raise LogError(f"{path} is a DataFlash log as text; only the binary .BIN can be read")
     return read_tlog(path, options)

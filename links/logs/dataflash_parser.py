@@ -163,6 +163,8 @@ class DataflashParser:
         self, raw: NDArray[np.uint8], found: int, number: int, counts: Ints, given: list[int]
     ) -> dict[int, tuple[NDArray[np.uint8], Ints]]:
         """Type -> bodies of its records one behind the other, their places in the file."""
+        if not given:
+            return {}
         sizes = (self._lengths[given] - HEADER) * counts[given]
         body_ends, place_ends = np.cumsum(sizes), np.cumsum(counts[given])
         body_at, place_at = np.full(TYPES, -1), np.full(TYPES, -1)

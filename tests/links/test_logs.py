@@ -222,7 +222,6 @@ def test_a_log_of_a_ground_station_alone_is_refused(tmp_path):
     [
         ("a.tlog", None, "cannot read .*a.tlog: No such file"),
         ("b.tlog", b"", "b.tlog is empty"),
-        ("c.ulg", b"ULog\x01\x12\x35\x01", "not supported yet: PX4 ULog"),
         ("d.BIN", b"\xa3\x95\x80\x80", "not supported yet: ArduPilot DataFlash"),
         ("misnamed.tlog", b"\xa3\x95\x80\x80", "not supported yet: ArduPilot DataFlash"),
     ],

@@ -169,7 +169,7 @@ def test_files_that_cannot_be_used_are_refused(log, tmp_path, capsys):
     assert ".BIN" in refused(capsys, onboard, faults, "--to", out)
     px4 = tmp_path / "log.ulg"
     px4.write_bytes(b"ULog\x01\x12\x35" + bytes(200))
-    assert "ULog" in refused(capsys, px4, faults, "--to", out)
+    assert "telemetry logs (.tlog) only" in refused(capsys, px4, faults, "--to", out)
     assert not out.exists()
     assert log.stat().st_size > 0
 
