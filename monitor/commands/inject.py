@@ -138,13 +138,13 @@ def _read(log: Path, options: DecoderOptions | None, tell: Tell) -> tuple[LogInf
     Refused
         It cannot be read, or is no telemetry log.
     """
-    from links.logs import LogError, open_log
+    from links.logs import LogError, TlogReader, open_log
     from sim_feeds.injection_survey import Survey
 
     survey = Survey(options)
     try:
         reader = open_log(log, options)
-        if reader.info.format != "tlog":
+        if not isinstance(reader, TlogReader):
             raise Refused(f"faults are injected into telemetry logs (.tlog) only: {log} is none")
         for _ in reader:
             frames, times = reader.decoder.timed
