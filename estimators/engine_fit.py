@@ -203,7 +203,9 @@ def _fit(records: Sequence[Record], tick_s: float, chosen: tuple[int, ...]) -> t
                 targets.append(y[there])
         A, y = np.concatenate(rows), np.concatenate(targets)
         if len(y) < N_FEATURES:
-            raise ValueError("engine speeds come with throttle and airspeed in a part of these flights only")
+            raise ValueError(
+                "engine speeds come with throttle and airspeed in a part of these flights only"
+            )
         scale = np.maximum(np.abs(A).max(axis=0), 1e-9)
         weight = np.ones(len(y))
         for _ in range(3):
