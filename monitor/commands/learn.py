@@ -192,7 +192,9 @@ def airframe(
 
 
 def _show_airframe(learnt: AirframeLearnt, out: Path) -> None:
-    """What was identified, and what was not."""
+    """What was identified, what was not, and whether it can be trusted."""
+    from monitor.learn.airframe import doubt
+
     fit, screen = learnt.fit, console()
     screen.print(
         f"{len(learnt.flights)} flights, {learnt.seconds / 60.0:.1f} min in the air; residuals "
@@ -211,6 +213,8 @@ def _show_airframe(learnt: AirframeLearnt, out: Path) -> None:
         soft_wrap=True,
     )
     screen.print(f'wrote {out}: use it with \\[wing] airframe = "{out}"', soft_wrap=True)
+    if why := doubt(learnt):
+        screen.print(f"[bold]warning[/]: {why}", soft_wrap=True)
 
 
 def _show_engine(learnt: EngineLearnt, out: Path) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from math import inf, isfinite
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimators.wing_fit import AirframeFit, fit_airframe
+from estimators.wing_misfit import Misfit
 from estimators.wing_model import AERODYNAMIC, Airframe
 from estimators.wing_stream import WingStream
 from links.logs import open_log
@@ -27,6 +30,7 @@ __all__ = [
     "AirframeLearnt",
     "airframe_document",
     "airframe_flight_of",
+    "doubt",
     "learn_airframe",
     "measure_airframe",
 ]
@@ -35,6 +39,9 @@ Array = NDArray[np.float64]
 
 LEAST_S = 60.0
 """Time in flight with all inputs below which a log teaches nothing."""
+LARGE = 2.5
+"""Residuals after the fit, against what gusts explain, that no airframe of this form should leave:
+models 15 % off come to 0.8 to 1.2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +75,9 @@ class AirframeLearnt:
         Names of the logs, and how long they flew in all [s].
     travel
         Travel of elevator, aileron and rudder that the flights were read with [us, deg].
+    unlike, unlike_limit
+        Largest mean, over the flights, of what :class:`estimators.wing_misfit.Misfit` asks of the
+        refined airframe, and its limit; infinite where no flight has a row that can be used.
     """
 
     start: KnownAirframe
@@ -76,6 +86,8 @@ class AirframeLearnt:
     flights: tuple[str, ...]
     seconds: float
     travel: tuple[tuple[float, float], ...]
+    unlike: float
+    unlike_limit: float
 
 
 class _Tap:
@@ -158,12 +170,17 @@ def learn_airframe(flights: Sequence[AirframeFlight], settings: Settings) -> Air
         fit = fit_airframe(start.airframe, tuning, [(one.t_s, one.x) for one in flights])
     except ValueError as error:
         raise Unfit(str(error)) from None
-    apart = np.zeros(4)
+    apart, unlike = np.zeros(4), []
+    rows = round(settings.wing.misfit_until_s / settings.wing.period_s)
     for one in flights:
         refined = wing_tuning(settings.wing, tuple(fit.std.tolist()))
-        f = WingStream(fit.airframe, refined).run(one.t_s, one.x, one.acc).f
-        if len(f):
-            apart = np.maximum(apart, (f - f[:, [2, 3, 0, 1]]).max(axis=0))
+        run = WingStream(fit.airframe, refined).run(one.t_s, one.x, one.acc)
+        if len(run.f):
+            apart = np.maximum(apart, (run.f - run.f[:, [2, 3, 0, 1]]).max(axis=0))
+        misfit = Misfit(settings.wing.misfit_limit, 1, rows)
+        for value in run.unlike.tolist():
+            misfit.note(value)
+        unlike.append(misfit.mean)
     return AirframeLearnt(
         start,
         fit,
@@ -171,6 +188,26 @@ def learn_airframe(flights: Sequence[AirframeFlight], settings: Settings) -> Air
         tuple(one.name for one in flights),
         sum(len(one.t_s) for one in flights) * settings.wing.tick_s,
         tuple((one.travel_us, one.travel_deg) for one in surfaces_of(settings.wing)),
+        max((mean for mean in unlike if isfinite(mean)), default=inf),
+        settings.wing.misfit_limit,
+    )
+
+
+def doubt(learnt: AirframeLearnt) -> str:
+    """Why the airframe is not to be trusted, in one sentence; empty where it is."""
+    after, why = learnt.fit.scatter[1], []
+    if not after <= LARGE:
+        why.append(f"residuals stay at {after:.1f} after the fit ({LARGE:.1f} at most)")
+    if not learnt.unlike <= learnt.unlike_limit:
+        why.append(
+            f"what no wing explains has {learnt.unlike:.1f} times the variance expected, so that "
+            f"the wing watch would not judge these flights ({learnt.unlike_limit:.1f} at most)"
+        )
+    if not why:
+        return ""
+    return (
+        f"this airframe does not fit these flights: {' and '.join(why)}; check mass, geometry, the "
+        "coefficients it started from, and channels, directions and travels of the surfaces"
     )
 
 
@@ -180,6 +217,12 @@ def airframe_document(learnt: AirframeLearnt, name: str) -> str:
     lines = [
         "# Airframe refined by `mavsentry learn airframe` from healthy flights:",
         *(f"# {flight}" for flight in learnt.flights),
+        *textwrap.wrap(
+            f"WARNING: {doubt(learnt)}." if doubt(learnt) else "",
+            98,
+            initial_indent="# ",
+            subsequent_indent="# ",
+        ),
         "",
         f'name = "{name}"',
         "",

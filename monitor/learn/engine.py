@@ -22,7 +22,7 @@ from monitor.settings import Settings
 from monitor.settings.engine import ChannelSettings, SingleShaftSettings
 from monitor.verdict import Verdict
 from monitor.watch.engine import EngineWatch
-from monitor.watch.engine_parts import events_of, tick_rules
+from monitor.watch.engine_parts import Grid
 
 __all__ = ["EngineFlight", "EngineLearnt", "flight_of", "learn_engine", "measure_engine"]
 
@@ -147,36 +147,12 @@ class _Tap:
     """Gathers the steps of the engine's grid as the watch does."""
 
     def __init__(self, settings: Settings) -> None:
-        self._rules = tick_rules(settings.engine)
-        engine = settings.engine
-        self._ticks = et.new_ticks(engine.throttle_idle_us, engine.throttle_full_us)
-        self._epoch_us: int | None = None
-        self._last_s = 0.0
+        self._grid = Grid(settings.engine)
         self._parts: list[tuple[Array, Array]] = []
 
     def step(self, rows: Mapping[str, Rows]) -> None:
         """Use released rows."""
-        events, pwm = events_of(rows)
-        if not len(events):
-            return
-        if self._epoch_us is None:
-            self._epoch_us = int(events["t_us"][0])
-        t = (events["t_us"] - self._epoch_us) * 1e-6
-        size = et.ticks_bound(t, self._last_s, self._rules.tick_s)
-        self._last_s = float(t[-1])
-        table, y = np.empty((size, et.N_TABLE)), np.empty((size, et.N_CHANNELS))
-        n = et.gather(
-            self._ticks,
-            self._rules,
-            t,
-            np.ascontiguousarray(events["code"]),
-            np.ascontiguousarray(events["index"]),
-            np.ascontiguousarray(events["value"]),
-            pwm,
-            table,
-            y,
-        )
-        self._parts.append((table[:n], y[:n]))
+        self._parts.append(self._grid.steps(rows))
 
     def steps(self) -> tuple[Array, Array]:
         """All steps."""

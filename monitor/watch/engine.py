@@ -13,14 +13,7 @@ from estimators.engine_judge import judge
 from links.samples import Rows
 from monitor.settings.engine import EngineSettings
 from monitor.verdict import ENGINE_ESTIMATE, StepResult
-from monitor.watch.engine_parts import (
-    Unit,
-    events_of,
-    groups,
-    judge_rules,
-    tick_rules,
-    units,
-)
+from monitor.watch.engine_parts import Grid, Unit, groups, judge_rules, units
 from monitor.watch.engine_words import verdict
 
 __all__ = ["EngineWatch"]
@@ -44,16 +37,13 @@ class EngineWatch:
     )
 
     def __init__(self, settings: EngineSettings) -> None:
-        self._ticks = et.new_ticks(settings.throttle_idle_us, settings.throttle_full_us)
-        self._tick_rules = tick_rules(settings)
+        self._grid = Grid(settings)
         self._judge_rules = judge_rules(settings)
         self._groups = groups(settings)
         self._units = units(settings)
         self._judged = es.new_judged()
         self._every = max(round(settings.emit_s / settings.tick_s), 1)
         self._log = np.empty((STEPS_AT_ONCE * es.MOST_SAID, es.N_LOG))
-        self._epoch_us: int | None = None
-        self._last_s = 0.0
         self._closed = 0
 
     def peaks(self) -> dict[str, float]:
@@ -62,31 +52,12 @@ class EngineWatch:
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""
-        events, pwm = events_of(rows)
-        if not len(events):
-            return StepResult()
-        if self._epoch_us is None:
-            self._epoch_us = int(events["t_us"][0])
-        t = (events["t_us"] - self._epoch_us) * 1e-6
-        steps = et.ticks_bound(t, self._last_s, self._tick_rules.tick_s)
-        self._last_s = float(t[-1])
-        table, y = np.empty((steps, et.N_TABLE)), np.empty((steps, et.N_CHANNELS))
-        closed = et.gather(
-            self._ticks,
-            self._tick_rules,
-            t,
-            np.ascontiguousarray(events["code"]),
-            np.ascontiguousarray(events["index"]),
-            np.ascontiguousarray(events["value"]),
-            pwm,
-            table,
-            y,
-        )
-        return self._judge(table[:closed], y[:closed]) if closed else StepResult()
+        table, y = self._grid.steps(rows)
+        return self._judge(table, y) if len(table) else StepResult()
 
     def _judge(self, table: Array, y: Array) -> StepResult:
         """The filters and the judgement over closed steps."""
-        steps, epoch_us = len(table), self._epoch_us or 0
+        steps, epoch_us = len(table), self._grid.epoch_us
         w, least, most, mu, sd = np.full((5, steps, et.N_CHANNELS), np.nan)
         speed, std = np.full((2, steps, et.N_SHAFTS), np.nan)
         for unit in self._units:

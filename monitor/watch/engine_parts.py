@@ -23,7 +23,7 @@ from estimators.imkf import IntermittentFilter, Settings
 from links.samples import Rows
 from monitor.settings.engine import ChannelSettings, EngineSettings
 
-__all__ = ["Unit", "events_of", "groups", "judge_rules", "tick_rules", "units"]
+__all__ = ["Grid", "Unit", "events_of", "groups", "judge_rules", "tick_rules", "units"]
 
 Array = NDArray[np.float64]
 
@@ -285,3 +285,47 @@ def _params(r: Rows) -> list[Rows]:
             index = np.array([16 * _PARAMS[what] + int(number) - 1])
             out.append(_events(np.array([row]), et.EV_PARAM, index, float(row["value"])))
     return out
+
+
+class Grid:
+    """Rows to closed steps of the grid of :mod:`estimators.engine_ticks`.
+
+    Attributes
+    ----------
+    epoch_us
+        Time of the first row, which is 0 s of the grid [us]; 0 before it.
+    """
+
+    def __init__(self, s: EngineSettings) -> None:
+        self.epoch_us = 0
+        self._ticks = et.new_ticks(s.throttle_idle_us, s.throttle_full_us)
+        self._rules = tick_rules(s)
+        self._begun = False
+        self._last_s = 0.0
+
+    def steps(self, rows: Mapping[str, Rows]) -> tuple[Array, Array]:
+        """Steps that these rows close: table and speeds of :func:`estimators.engine_ticks.gather`.
+
+        Both are empty where no step is closed.
+        """
+        events, pwm = events_of(rows)
+        if not len(events):
+            return np.zeros((0, et.N_TABLE)), np.zeros((0, et.N_CHANNELS))
+        if not self._begun:
+            self.epoch_us, self._begun = int(events["t_us"][0]), True
+        t = (events["t_us"] - self.epoch_us) * 1e-6
+        most = et.ticks_bound(t, self._last_s, self._rules.tick_s)
+        self._last_s = float(t[-1])
+        table, y = np.empty((most, et.N_TABLE)), np.empty((most, et.N_CHANNELS))
+        closed = et.gather(
+            self._ticks,
+            self._rules,
+            t,
+            np.ascontiguousarray(events["code"]),
+            np.ascontiguousarray(events["index"]),
+            np.ascontiguousarray(events["value"]),
+            pwm,
+            table,
+            y,
+        )
+        return table[:closed], y[:closed]

@@ -41,6 +41,7 @@ UNLIKE = (
     "{mean:.1f} times the variance expected, {limit:.1f} allowed; learn it with `mavsentry learn "
     "airframe`, or check its coefficients and the surfaces of [wing]"
 )
+UNTOLD = "the flight does not tell this: its deviation has no bound"
 CONTRADICTION = "accelerometers and velocity contradict one another"
 ESTIMATOR = "wing_stream"
 
@@ -78,6 +79,7 @@ class WingJudge:
         self._begun = False
         self._misfit = Misfit(self._misfit_limit, *self._misfit_rows)
         self._damaged = [False] * 4
+        self._found: list[tuple[float, Kind] | None] = [None] * 4
         self._since: list[float] = [nan] * 4
         self._below: list[float] = [nan] * 4
         self._past: list[deque[tuple[float, float]]] = [deque(maxlen=REMEMBERED) for _ in range(4)]
@@ -137,6 +139,8 @@ class WingJudge:
             limit = max(self._limit[i], sigmas * std)
         else:
             limit = max(self._limit[i], sigmas * known[0], learnt + LEARNT_MARGIN_PERCENT)
+        if not isfinite(std):
+            return self._untold(i, epoch_us + round(t_s * 1e6))
         self._past[i].append((t_s, apart))
         if self._damaged[i]:
             self._clear(i, t_s, apart)
@@ -159,6 +163,15 @@ class WingJudge:
         self._said[i] = state
         return [self._verdict(i, t_s, state, (apart, limit, std), again, epoch_us)]
 
+    def _untold(self, i: int, t_us: int) -> list[Verdict]:
+        """No bound on the deviation: neither whole nor damaged; what was found is kept."""
+        self._since[i] = self._below[i] = nan
+        if self._said[i] is State.UNMONITORED:
+            return []
+        self._said[i] = State.UNMONITORED
+        reason = Reason.REFERENCE_NOT_TRUSTED
+        return [Verdict(t_us, SENSORS[i], State.UNMONITORED, reason, evidence=UNTOLD)]
+
     def _clear(self, i: int, t_s: float, apart: float) -> None:
         if apart >= self._clear_share * self._limit[i]:
             self._below[i] = nan
@@ -167,6 +180,7 @@ class WingJudge:
             self._below[i] = t_s
         if t_s - self._below[i] >= self._clear_s:
             self._damaged[i] = False
+            self._found[i] = None
             self._since[i] = self._below[i] = nan
 
     def _verdict(
@@ -185,16 +199,16 @@ class WingJudge:
         if state is State.OK:
             said = f"the {side} wing's {what} is that of the {other} one{' again' if again else ''}"
             return Verdict(t_us, SENSORS[i], state, estimator=ESTIMATOR, evidence=said)
-        small = (at for at, was in reversed(self._past[i]) if was < BEGUN * apart)
-        onset_s = next(small, self._past[i][0][0])
-        lasting_s = t_s - onset_s
-        is_step = apart > STEP_PERCENT_S * max(lasting_s, 0.5)
+        found = self._found[i]
+        if found is None:
+            found = self._found[i] = self._began(i, t_s, apart)
+        onset_s, kind = found
         changed = "lost" if what == "lift" else "gained"
         return Verdict(
             t_us,
             SENSORS[i],
             state,
-            kind=Kind.BIAS if is_step else Kind.DRIFT,
+            kind=kind,
             onset_t_us=epoch_us + round(onset_s * 1e6),
             magnitude=-apart if what == "lift" else apart,
             unit="%",
@@ -202,5 +216,12 @@ class WingJudge:
             threshold=limit,
             estimator=ESTIMATOR,
             evidence=f"the {side} wing has {changed} {apart:.1f} % {what} more than the {other} "
-            f"one within {lasting_s:.0f} s, give or take {std:.1f} %",
+            f"one within {t_s - onset_s:.0f} s, give or take {std:.1f} %",
         )
+
+    def _began(self, i: int, t_s: float, apart: float) -> tuple[float, Kind]:
+        """When a fault that is found now began, and whether it came at once."""
+        small = (at for at, was in reversed(self._past[i]) if was < BEGUN * apart)
+        onset_s = next(small, self._past[i][0][0])
+        is_step = apart > STEP_PERCENT_S * max(t_s - onset_s, 0.5)
+        return onset_s, Kind.BIAS if is_step else Kind.DRIFT

@@ -17,11 +17,13 @@ from links.airframes import load_airframe
 from links.samples import Batch
 from monitor.cli import app
 from monitor.commands.common import Refused
+from monitor.commands.learn import _show_airframe
 from monitor.learn.airframe import (
     AirframeFlight,
     AirframeLearnt,
     airframe_document,
     airframe_flight_of,
+    doubt,
     learn_airframe,
 )
 from monitor.learn.thresholds import Unfit
@@ -95,6 +97,27 @@ def test_travels_that_the_settings_name_go_into_the_file(learnt: AirframeLearnt)
     assert tomllib.loads(own)["surfaces"] == {"travel_us": 350.0, "travel_deg": 20.0}
     apart = ((400.0, 20.0), (400.0, 25.0), (400.0, 25.0))
     assert not tomllib.loads(airframe_document(replace(learnt, travel=apart), "m"))["surfaces"]
+
+
+def test_an_airframe_that_fits_raises_no_doubt(learnt: AirframeLearnt) -> None:
+    assert doubt(learnt) == ""
+    assert learnt.unlike < 0.5
+    assert "WARNING" not in airframe_document(learnt, "mine")
+
+
+def test_residuals_that_stay_large_are_told(
+    flights: list[AirframeFlight], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "heavy.toml"
+    numbers = TRUE | {"mass_kg": 3.0 * TRUE["mass_kg"]}
+    path.write_text("[all]\n" + "\n".join(f"{k} = {float(v)!r}" for k, v in numbers.items()))
+    other = learn_airframe(flights, Settings(wing=settings(str(path))))
+    text = airframe_document(other, "other")
+    assert "# WARNING: this airframe does not fit these flights: residuals stay at" in text
+    assert "would not judge" in " ".join(text.replace("# ", "").split())
+    assert tomllib.loads(text)["name"] == "other"
+    _show_airframe(other, tmp_path / "other.toml")
+    assert "warning: this airframe does not fit these flights" in capsys.readouterr().out
 
 
 def test_a_log_without_servos_is_refused(wrong: Settings) -> None:
