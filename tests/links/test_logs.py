@@ -231,7 +231,7 @@ def test_unusable_files_are_refused_in_one_sentence(tmp_path, name, content, sen
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(LogError, match=sentence):
-        open_log(path)
+        list(open_log(path))
 
 
 def test_a_directory_is_refused(tmp_path):
