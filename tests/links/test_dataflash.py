@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from links import catalog_dataflash as table
-from links.logs import LogError, open_log, read_dataflash
+from links.clock import VehicleClock
+from links.logs import LogError, dataflash, open_log, read_dataflash
 from links.logs.dataflash_parser import DataflashParser
 from links.mavlink import DecoderOptions
 from links.samples import Batch
@@ -198,6 +199,13 @@ def test_what_is_no_log_is_refused_in_a_sentence(tmp_path: Path) -> None:
 
 
 # --------------------------------------------------------------------------- made-up logs
+
+
+def test_warming_up_meets_a_record(monkeypatch: pytest.MonkeyPatch) -> None:
+    called = []
+    monkeypatch.setattr(VehicleClock, "advance", lambda *_: called.append(1))
+    dataflash.warm_up()
+    assert called == [1]
 
 
 def test_units_and_multipliers_are_taken_where_they_are_told(read: Callable[..., Any]) -> None:
