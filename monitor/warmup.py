@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from estimators.jit import is_cold
+from links.logs import dataflash
 from links.mavlink import Decoder, encode
 from links.samples import Batch, Rows, empty_rows
 from monitor.baselines import BaselineTap
@@ -72,6 +73,7 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
         say(COMPILING)
     beat = encode("HEARTBEAT", type=1, autopilot=3)
     Decoder(settings.links.decoder_options()).feed(beat + encode("ATTITUDE", time_boot_ms=1))
+    dataflash.warm_up()
     pipeline = Pipeline(settings, taps=[BaselineTap()])
     pipeline.feed(made_up_flight(2.0 * settings.phase.flying_speed_m_s))
     pipeline.finish()

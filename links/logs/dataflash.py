@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links import catalog_dataflash as table
-from links.clock import UNIX_FROM_US
+from links.clock import UNIX_FROM_US, VehicleClock
 from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo, read_chunks
-from links.logs.dataflash_format import Table
+from links.logs.dataflash_format import Table, first_format
 from links.logs.dataflash_parser import DataflashParser
 from links.logs.records import RecordRows, Records
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
 
-__all__ = ["DataflashReader", "read_dataflash"]
+__all__ = ["DataflashReader", "read_dataflash", "warm_up"]
 
 HEAD = 4 << 20
 """Bytes of a log's beginning that tell which filter ran."""
@@ -242,6 +242,15 @@ def _vehicles(part: Records) -> Records | None:
     columns = np.empty(int(use.sum()), _VEHICLE)
     columns["Type"] = types[use]
     return Records(table.VEHICLE, columns, part.place[use], np.zeros(len(columns), np.int64))
+
+
+def warm_up() -> None:
+    """Load the compiled kernels, by a log that has nothing but the FMT of FMT."""
+    layout = first_format()
+    body = (128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    record = b"\xa3\x95\x80" + np.array([body], layout.dtype).tobytes()
+    for _ in DataflashParser().feed(2 * record):
+        VehicleClock().advance(_NONE, _NONE, _NONE, {})
 
 
 def read_dataflash(

@@ -222,7 +222,7 @@ class DataflashParser:
         for t, (body, place) in bodies.items():
             layout = layouts[t]
             if layout is not None and (columns := _COLUMNS.get(layout.name)) is not None:
-                if any(layout.kind(name) not in kinds for name, kinds in columns.items()):
+                if any(layout.kind(name) not in [*kinds] for name, kinds in columns.items()):
                     continue
                 records = body.view(layout.dtype)[list(columns)].tolist()
                 events += zip(place.tolist(), [layout.name] * len(records), records, strict=True)

@@ -222,8 +222,8 @@ def test_a_log_of_a_ground_station_alone_is_refused(tmp_path):
     [
         ("a.tlog", None, "cannot read .*a.tlog: No such file"),
         ("b.tlog", b"", "b.tlog is empty"),
-        ("d.BIN", b"\xa3\x95\x80\x80", "not supported yet: ArduPilot DataFlash"),
-        ("misnamed.tlog", b"\xa3\x95\x80\x80", "not supported yet: ArduPilot DataFlash"),
+        ("d.BIN", b"\xa3\x95\x80\x80", "no data of a vehicle"),
+        ("misnamed.tlog", b"\xa3\x95\x80\x80", "no data of a vehicle"),
     ],
 )
 def test_unusable_files_are_refused_in_one_sentence(tmp_path, name, content, sentence):
@@ -231,7 +231,7 @@ def test_unusable_files_are_refused_in_one_sentence(tmp_path, name, content, sen
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(LogError, match=sentence):
-        open_log(path)
+        list(open_log(path))
 
 
 def test_a_directory_is_refused(tmp_path):
