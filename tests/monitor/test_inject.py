@@ -166,7 +166,7 @@ def test_files_that_cannot_be_used_are_refused(log, tmp_path, capsys):
     assert "no MAVLink message" in refused(capsys, words, faults, "--to", out)
     onboard = tmp_path / "log.bin"
     onboard.write_bytes(b"\xa3\x95\x80" + bytes(200))
-    assert ".BIN" in refused(capsys, onboard, faults, "--to", out)
+    assert "telemetry logs (.tlog) only" in refused(capsys, onboard, faults, "--to", out)
     px4 = tmp_path / "log.ulg"
     px4.write_bytes(b"ULog\x01\x12\x35" + bytes(200))
     assert "telemetry logs (.tlog) only" in refused(capsys, px4, faults, "--to", out)
