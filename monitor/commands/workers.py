@@ -146,13 +146,26 @@ def _listen(worker: _Worker, done: list[int], results: dict[int, Any]) -> None:
 
 
 def _serve(connection: Connection, function: Callable[[Any, Tell], Any]) -> None:
-    """Life of a worker: Ctrl-C is for the process that waits for it, which then terminates it."""
+    """Life of a worker: Ctrl-C is for the process that waits for it, which then terminates it.
+
+    A callback of the compiler's would swallow the end, and say so; it then comes with the next word
+    of how far the worker is.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
-    told_s, newest = 0.0, 0
+    told_s, newest, ending = 0.0, 0, False
+
+    def end(*_: object) -> None:
+        nonlocal ending
+        ending = True
+        sys.unraisablehook = lambda _: None
+        sys.exit(TERMINATED)
+
+    signal.signal(signal.SIGTERM, end)
 
     def tell(count: int) -> None:
         nonlocal told_s, newest
+        if ending:
+            sys.exit(TERMINATED)
         newest = count
         now_s = time.monotonic()
         if now_s - told_s > TELL_EVERY_S:

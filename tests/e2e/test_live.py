@@ -227,7 +227,7 @@ def test_ctrl_c_ends_with_130(flight_log, tmp_path, arguments):
     extra = ("--to", "udpout:127.0.0.1:9", "--speed", "1") if arguments == ("replay",) else ()
     many = [str(flight_log)]
     if not extra:
-        many = [str(tmp_path / f"{k}.tlog") for k in range(200)]
+        many = [str(tmp_path / f"{k}.tlog") for k in range(1000)]
         for name in many:
             os.link(flight_log, name)
     out = () if extra else ("--out", str(tmp_path))

@@ -188,6 +188,8 @@ def test_ctrl_c_leaves_nothing_unfinished_and_no_process(log, tmp_path) -> None:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # A shell's background job ignores SIGINT and would hand that down.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60.0
     while not list(out.rglob("*.unfinished")) and time.monotonic() < deadline:
