@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,7 @@ from links.conversions import (
 __all__ = [
     "AUTOPILOT_INVALID",
     "AUTOPILOT_PX4",
+    "BOUNDS",
     "FROM_ANY_COMPONENT",
     "MAX_INSTANCES",
     "NAMED_INPUTS",
@@ -52,6 +54,7 @@ __all__ = [
     "STAMPS",
     "Fill",
     "Source",
+    "bounded",
 ]
 
 STANDARD_GRAVITY = 9.80665
@@ -150,34 +153,61 @@ class Source:
         return self.sensor.removesuffix("{}").rstrip("0123456789")
 
 
+BOUNDS: dict[str, tuple[float, float]] = {
+    "acc_m_s2": (-400.0, 400.0),  # 40 g: int16 milli-g ends at 32.8 g
+    "gyro_rad_s": (-70.0, 70.0),  # 4000 deg/s
+    "rate_rad_s": (-70.0, 70.0),
+    "cas_m_s": (0.0, 700.0),
+    "diff_press_pa": (-3e4, 3e5),
+    "static_press_pa": (1e3, 1.3e5),
+    "temperature_k": (150.0, 450.0),
+    "lat_rad": (-pi / 2, pi / 2),
+    "lon_rad": (-pi, pi),
+    "alt_m": (-1e4, 1e5),
+    "height_m": (-1e5, 1e5),
+    "aoa_rad": (-pi, pi),
+    "speed_rpm": (-1e6, 1e6),
+}
+"""Field of a row -> least and largest value that is believed, whatever the format of the log."""
+
+
+def bounded(
+    into: str,
+    fields: tuple[str, ...] = (),
+    scale: float = 1.0,
+    offset: float = 0.0,
+    **other: Any,
+) -> Fill:
+    """A fill within :data:`BOUNDS`; arguments as of :class:`Fill`."""
+    low, high = BOUNDS[into]
+    return Fill(into, fields, scale, offset, low, high, **other)
+
+
 # --------------------------------------------------------------------------- fields by quantity
 
 _ACC = ("xacc", "yacc", "zacc")
 _GYRO = ("xgyro", "ygyro", "zgyro")
 _RATE = ("rollspeed", "pitchspeed", "yawspeed")
-_MAX_ACC = 400.0  # 40 g: int16 milli-g ends at 32.8 g
-_MAX_RATE = 70.0  # 4000 deg/s
-_MAX_CAS = 700.0
 
 
 def _imu(acc_scale: float, gyro_scale: float) -> tuple[Fill, ...]:
     return (
-        Fill("acc_m_s2", _ACC, acc_scale, low=-_MAX_ACC, high=_MAX_ACC),
-        Fill("gyro_rad_s", _GYRO, gyro_scale, low=-_MAX_RATE, high=_MAX_RATE),
+        bounded("acc_m_s2", _ACC, acc_scale),
+        bounded("gyro_rad_s", _GYRO, gyro_scale),
     )
 
 
-_BODY_RATE = Fill("rate_rad_s", _RATE, low=-_MAX_RATE, high=_MAX_RATE)
-_DIFF_PRESS = Fill("diff_press_pa", ("press_diff",), HPA, low=-3e4, high=3e5)
+_BODY_RATE = bounded("rate_rad_s", _RATE)
+_DIFF_PRESS = bounded("diff_press_pa", ("press_diff",), HPA)
 _BARO = (
-    Fill("static_press_pa", ("press_abs",), HPA, low=1e3, high=1.3e5),
-    Fill("temperature_k", ("temperature",), 1e-2, ZERO_CELSIUS_K, low=150.0, high=450.0),
+    bounded("static_press_pa", ("press_abs",), HPA),
+    bounded("temperature_k", ("temperature",), 1e-2, ZERO_CELSIUS_K),
 )
 _GPS = (
     Fill("fix_type", ("fix_type",)),
-    Fill("lat_rad", ("lat",), 1e-7 * DEG, low=-pi / 2, high=pi / 2),
-    Fill("lon_rad", ("lon",), 1e-7 * DEG, low=-pi, high=pi),
-    Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
+    bounded("lat_rad", ("lat",), 1e-7 * DEG),
+    bounded("lon_rad", ("lon",), 1e-7 * DEG),
+    bounded("alt_m", ("alt",), 1e-3),
     Fill(
         "vel_ned_m_s",
         compute=FROM_COURSE,
@@ -190,23 +220,22 @@ _GPS = (
     Fill("satellites", ("satellites_visible",)),
 )
 _NAV = (
-    Fill("lat_rad", ("lat",), 1e-7 * DEG, low=-pi / 2, high=pi / 2),
-    Fill("lon_rad", ("lon",), 1e-7 * DEG, low=-pi, high=pi),
-    Fill("alt_m", ("alt",), 1e-3, low=-1e4, high=1e5),
-    Fill("height_m", ("relative_alt",), 1e-3, low=-1e5, high=1e5),
+    bounded("lat_rad", ("lat",), 1e-7 * DEG),
+    bounded("lon_rad", ("lon",), 1e-7 * DEG),
+    bounded("alt_m", ("alt",), 1e-3),
+    bounded("height_m", ("relative_alt",), 1e-3),
     Fill("vel_ned_m_s", ("vx", "vy", "vz"), 1e-2),
 )
 _NO_PRESSURE = Fill("diff_press_pa", compute=NO_VALUE, required=False)
-_MAX_RPM = 1e6
 _HIGHRES_PRESSURE, _HIGHRES_DIFFERENTIAL = 1 << 9, 1 << 10  # HIGHRES_IMU_UPDATED_FLAGS
 
 
 def _rpm(wire: str) -> tuple[Fill, ...]:
-    return (Fill("speed_rpm", (wire,), low=-_MAX_RPM, high=_MAX_RPM),)
+    return (bounded("speed_rpm", (wire,)),)
 
 
 def _aoa(wire: str) -> tuple[Fill, ...]:
-    return (Fill("aoa_rad", (wire,), DEG, low=-pi, high=pi),)
+    return (bounded("aoa_rad", (wire,), DEG),)
 
 
 def _escs() -> tuple[Source, ...]:
@@ -217,12 +246,10 @@ def _escs() -> tuple[Source, ...]:
             f"ESC_TELEMETRY_{first}_TO_{first + 3}",
             f"spool{first - 1 + k}",
             (
-                Fill(
+                bounded(
                     "speed_rpm",
                     compute=element("rpm", k),
                     invert=put_element("rpm", k),
-                    low=-_MAX_RPM,
-                    high=_MAX_RPM,
                 ),
             ),
         )
@@ -243,17 +270,10 @@ NAMED_INPUTS: dict[str, tuple[str, str, float]] = {
 }
 """NAMED_VALUE_FLOAT name -> sensor, field, factor to SI."""
 
-_NAMED_BOUNDS = {
-    "cas_m_s": (0.0, _MAX_CAS),
-    "aoa_rad": (-pi, pi),
-    "speed_rpm": (-_MAX_RPM, _MAX_RPM),
-}
-
 
 def named_source(name: str, sensor: str, into: str, scale: float) -> Source:
     """Source of a sensor that comes as a NAMED_VALUE_FLOAT."""
-    low, high = _NAMED_BOUNDS[into]
-    fills: tuple[Fill, ...] = (Fill(into, ("value",), scale, low=low, high=high),)
+    fills: tuple[Fill, ...] = (bounded(into, ("value",), scale),)
     if into == "cas_m_s":
         fills += (_NO_PRESSURE,)
     return Source("NAMED_VALUE_FLOAT", "NAMED_VALUE_FLOAT", sensor, fills, named=name)
@@ -302,7 +322,7 @@ SOURCES: tuple[Source, ...] = (
         "AIRSPEED",
         "airspeed{}",
         (
-            Fill("cas_m_s", ("airspeed",), low=0.0, high=_MAX_CAS),
+            bounded("cas_m_s", ("airspeed",)),
             Fill("diff_press_pa", ("raw_press",), HPA, required=False),
         ),
         instance="id",
@@ -315,8 +335,8 @@ SOURCES: tuple[Source, ...] = (
         "HIGHRES_IMU",
         "baro{}",
         (
-            Fill("static_press_pa", ("abs_pressure",), HPA, low=1e3, high=1.3e5),
-            Fill("temperature_k", ("temperature",), 1.0, ZERO_CELSIUS_K, low=150.0, high=450.0),
+            bounded("static_press_pa", ("abs_pressure",), HPA),
+            bounded("temperature_k", ("temperature",), 1.0, ZERO_CELSIUS_K),
         ),
         instance="id",
         only=Condition("fields_updated", _HIGHRES_PRESSURE),
@@ -325,7 +345,7 @@ SOURCES: tuple[Source, ...] = (
         "HIGHRES_IMU",
         "HIGHRES_IMU",
         "airspeed{}",
-        (Fill("diff_press_pa", ("diff_pressure",), HPA, low=-3e4, high=3e5),),
+        (bounded("diff_press_pa", ("diff_pressure",), HPA),),
         instance="id",
         only=Condition("fields_updated", _HIGHRES_DIFFERENTIAL),
         ratio=True,
@@ -334,7 +354,7 @@ SOURCES: tuple[Source, ...] = (
         "VFR_HUD",
         "VFR_HUD",
         "airspeed0",
-        (Fill("cas_m_s", ("airspeed",), low=0.0, high=_MAX_CAS), _NO_PRESSURE),
+        (bounded("cas_m_s", ("airspeed",)), _NO_PRESSURE),
         synthetic=True,
     ),
     # angle of attack

@@ -1,9 +1,9 @@
 """The table for ArduPilot's DataFlash (.BIN): which message gives which sensor.
 
-:data:`COLUMNS` names what is read of each message and in which unit the fills below expect it; a
-log that tells its units has them converted, an older one has ArduPilot's own. Messages of before
-2021, in which the number of a sensor is part of the name (``IMU2``, ``BAR2``), have lines of their
-own.
+:data:`links.dataflash_columns.COLUMNS` names what is read of each message and in which unit the
+fills below expect it; a log that tells its units has them converted, an older one has ArduPilot's
+own. Messages of before 2021, in which the number of a sensor is part of the name (``IMU2``,
+``BAR2``), have lines of their own.
 
 What the simulator logs of its truth (``SIM``, ``SIM2``) is no input, and neither is ``AOA``, which
 ArduPilot computes from airspeed, wind and velocity.
@@ -12,39 +12,36 @@ ArduPilot computes from airspeed, wind and velocity.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from links.catalog import ZERO_CELSIUS_K, Fill
+from links.catalog import ZERO_CELSIUS_K, Fill, bounded
 from links.conversions import DEG, NO_VALUE, Conversion, Floats, Op, Payload
+from links.dataflash_columns import (
+    ACC,
+    BIAS,
+    CHANNELS,
+    ESCS,
+    GYRO,
+    NAMED,
+    PARAMETER,
+    VEHICLE,
+    VELOCITY,
+)
 from links.logs.records import Joined, Leader, RecordSource
 
 __all__ = [
     "AUTOPILOT_ARDUPILOT",
-    "COLUMNS",
-    "EKF2",
-    "NAMED",
-    "PARAMETER",
     "RANKING",
     "SOURCES",
-    "VEHICLE",
     "VEHICLE_TYPES",
-    "WHOLE",
     "named_sources",
 ]
-
-PARAMETER, NAMED = "PARM", "NVAL"
-VEHICLE = "(vehicle)"
-"""What ``VER`` or ``MSG`` say of the vehicle's type, as the reader puts it."""
 
 AUTOPILOT_ARDUPILOT = 3
 VEHICLE_TYPES = {3: 1, 2: 2, 1: 10, 7: 12, 12: 7}
 """VER.BU -> MAV_TYPE: Plane, Copter, Rover, Sub, Blimp."""
-
-EKF2 = {"NKF1": "XKF1", "NKF4": "XKF4", "NKQ": "XKQ"}
-"""Messages of the older filter, which are read as those of EKF3 where it alone ran."""
 
 _AUTONOMOUS = (1, 10, 11, 12, 13, 14, 15, 21, 24, 25, 26)
 """ArduPlane's modes that its HEARTBEAT calls guided: CIRCLE, AUTO, RTL, LOITER, TAKEOFF,
@@ -54,63 +51,6 @@ _DIFFERENTIAL_PRESSURE = 0x10  # MAV_SYS_STATUS_SENSOR
 _ACTIVE, _STANDBY, _EMERGENCY = 4.0, 3.0, 6.0  # MAV_STATE
 _ABSURD = 1e9  # no velocity
 _INFO = 6  # MAV_SEVERITY: MSG does not tell one
-_MAX_ACC, _MAX_RATE, _MAX_CAS, _MAX_RPM = 400.0, 70.0, 700.0, 1e6
-
-_GYRO, _ACC = ("GyrX", "GyrY", "GyrZ"), ("AccX", "AccY", "AccZ")
-_BIAS, _VELOCITY = ("GX", "GY", "GZ"), ("VN", "VE", "VD")
-_CHANNELS = tuple(f"C{k}" for k in range(1, 17))
-_ESCS = tuple(f"ESC{k + 1}" for k in range(8))
-
-_IMU_UNITS = {"I": "", **dict.fromkeys(_GYRO, "rad/s"), **dict.fromkeys(_ACC, "m/s/s")}
-_GPS_UNITS = {
-    "I": "",
-    "Status": "",
-    "NSats": "",
-    "Lat": "deg",
-    "Lng": "deg",
-    "Alt": "m",
-    "Spd": "m/s",
-    "GCrs": "deg",
-    "VZ": "m/s",
-}
-_GPA_UNITS = {"I": "", "HAcc": "m", "VAcc": "m", "SAcc": "m/s", "VV": ""}
-_BARO_UNITS = {"I": "", "Press": "Pa", "Temp": ""}
-_ARSP_UNITS = {"I": "", "DiffPress": "Pa", "U": "", "H": "", "Pri": ""}
-
-COLUMNS: dict[str, dict[str, str]] = {
-    **dict.fromkeys(("IMU", "IMU2", "IMU3"), _IMU_UNITS),
-    "ATT": {"Roll": "deg", "Pitch": "deg", "Yaw": "deg"},
-    "XKQ": {"C": "", "Q1": "", "Q2": "", "Q3": "", "Q4": ""},
-    "XKF1": {"C": "", **dict.fromkeys(_VELOCITY, "m/s"), **dict.fromkeys(_BIAS, "deg/s")},
-    "XKF4": {"PI": ""},
-    **dict.fromkeys(("GPS", "GPS2"), _GPS_UNITS),
-    **dict.fromkeys(("GPA", "GPA2"), _GPA_UNITS),
-    "POS": {"Lat": "deg", "Lng": "deg", "Alt": "m", "RelHomeAlt": "m"},
-    **dict.fromkeys(("ARSP", "ASP2"), _ARSP_UNITS),
-    "CTUN": {"As": "m/s"},
-    **dict.fromkeys(("BARO", "BAR2", "BAR3"), _BARO_UNITS),
-    "RPM": {"I": "", "RPM": "rpm", "rpm1": "rpm", "rpm2": "rpm"},
-    "EFI": {"Rpm": "rpm"},
-    "ESC": {"Instance": "", "RPM": "rpm"},
-    **{message: {"RPM": "rpm"} for message in _ESCS},
-    "RCOU": dict.fromkeys(_CHANNELS, ""),
-    "RCO2": {"C15": "", "C16": ""},
-    "NTUN": {"AltE": "m", "AsE": "m/s"},
-    "STAT": {"Armed": "", "isFlying": "", "Crash": ""},
-    "MODE": {"ModeNum": ""},
-    "VER": {"BU": ""},
-    VEHICLE: {"Type": ""},
-    PARAMETER: {"Name": "", "Value": ""},
-    "MSG": {"Message": ""},
-    NAMED: {"Name": "", "Value": "", "SCom": ""},
-}
-"""Message -> column -> unit that the table expects, "" where none is converted."""
-
-WHOLE = frozenset(
-    {"I", "C", "PI", "Instance", "Status", "NSats", "VV", "U", "H", "Pri", "Armed"}
-    | {"isFlying", "Crash", "ModeNum", "BU", "SCom"}
-)
-"""Columns that count or name something and are of no use as fractions."""
 
 
 def _column(p: Payload, name: str) -> Floats:
@@ -194,13 +134,13 @@ _LANE = Leader("XKF4", "PI")
 _IN_BODY = (
     Joined(
         "IMU",
-        Fill("rate_rad_s", _GYRO, required=False, low=-_MAX_RATE, high=_MAX_RATE),
+        bounded("rate_rad_s", GYRO, required=False),
         instance="I",
         leader=_LANE,
     ),
     Joined(
         "XKF1",
-        Fill("rate_rad_s", _BIAS, -DEG, required=False, low=-_MAX_RATE, high=_MAX_RATE),
+        bounded("rate_rad_s", BIAS, -DEG, required=False),
         instance="C",
         leader=_LANE,
         add=True,
@@ -215,8 +155,8 @@ def _imu(message: str, sensor: str) -> RecordSource:
         message,
         sensor,
         (
-            Fill("acc_m_s2", _ACC, low=-_MAX_ACC, high=_MAX_ACC),
-            Fill("gyro_rad_s", _GYRO, low=-_MAX_RATE, high=_MAX_RATE),
+            bounded("acc_m_s2", ACC),
+            bounded("gyro_rad_s", GYRO),
         ),
         instance="I" if sensor.endswith("{}") else None,
     )
@@ -246,9 +186,9 @@ def _gps(message: str, accuracy: str, sensor: str) -> RecordSource:
         sensor,
         (
             Fill("fix_type", ("Status",)),
-            Fill("lat_rad", ("Lat",), DEG, low=-pi / 2, high=pi / 2),
-            Fill("lon_rad", ("Lng",), DEG, low=-pi, high=pi),
-            Fill("alt_m", ("Alt",), low=-1e4, high=1e5),
+            bounded("lat_rad", ("Lat",), DEG),
+            bounded("lon_rad", ("Lng",), DEG),
+            bounded("alt_m", ("Alt",)),
             Fill("vel_ned_m_s", compute=_velocity, required=False),
             *(Fill(into, compute=NO_VALUE, required=False) for _, into in fields),
             Fill("satellites", ("NSats",)),
@@ -264,7 +204,7 @@ def _airspeed(message: str, sensor: str) -> RecordSource:
         "ARSP",
         message,
         sensor,
-        (Fill("diff_press_pa", ("DiffPress",), low=-3e4, high=3e5),),
+        (bounded("diff_press_pa", ("DiffPress",)),),
         instance="I" if sensor.endswith("{}") else None,
         ratio=True,
     )
@@ -276,8 +216,8 @@ def _baro(message: str, sensor: str) -> RecordSource:
         message,
         sensor,
         (
-            Fill("static_press_pa", ("Press",), low=1e3, high=1.3e5),
-            Fill("temperature_k", ("Temp",), 1.0, ZERO_CELSIUS_K, low=150.0, high=450.0),
+            bounded("static_press_pa", ("Press",)),
+            bounded("temperature_k", ("Temp",), 1.0, ZERO_CELSIUS_K),
         ),
         instance="I" if sensor.endswith("{}") else None,
     )
@@ -288,7 +228,7 @@ def _rpm(key: str, message: str, sensor: str, name: str, instance: str = "") -> 
         key,
         message,
         sensor,
-        (Fill("speed_rpm", (name,), low=-_MAX_RPM, high=_MAX_RPM),),
+        (bounded("speed_rpm", (name,)),),
         instance=instance or None,
     )
 
@@ -326,15 +266,15 @@ SOURCES: tuple[RecordSource, ...] = (
         "POS",
         "nav",
         (
-            Fill("lat_rad", ("Lat",), DEG, low=-pi / 2, high=pi / 2),
-            Fill("lon_rad", ("Lng",), DEG, low=-pi, high=pi),
-            Fill("alt_m", ("Alt",), low=-1e4, high=1e5),
-            Fill("height_m", ("RelHomeAlt",), low=-1e5, high=1e5),
+            bounded("lat_rad", ("Lat",), DEG),
+            bounded("lon_rad", ("Lng",), DEG),
+            bounded("alt_m", ("Alt",)),
+            bounded("height_m", ("RelHomeAlt",)),
         ),
         joined=(
             Joined(
                 "XKF1",
-                Fill("vel_ned_m_s", _VELOCITY, low=-1e4, high=1e4),
+                Fill("vel_ned_m_s", VELOCITY, low=-1e4, high=1e4),
                 instance="C",
                 leader=_LANE,
             ),
@@ -347,7 +287,7 @@ SOURCES: tuple[RecordSource, ...] = (
         "CTUN",
         "airspeed0",
         (
-            Fill("cas_m_s", ("As",), low=0.0, high=_MAX_CAS),
+            bounded("cas_m_s", ("As",)),
             Fill("diff_press_pa", compute=NO_VALUE, required=False),
         ),
         synthetic=True,
@@ -360,12 +300,12 @@ SOURCES: tuple[RecordSource, ...] = (
     _rpm("RPM", "RPM", "spool1", "rpm2"),
     _rpm("EFI", "EFI", "spool0", "Rpm"),
     _rpm("ESC", "ESC", "spool{}", "RPM", "Instance"),
-    *(_rpm("ESC", message, f"spool{k}", "RPM") for k, message in enumerate(_ESCS)),
+    *(_rpm("ESC", message, f"spool{k}", "RPM") for k, message in enumerate(ESCS)),
     RecordSource(
         "RCOU",
         "RCOU",
         "servo",
-        (Fill("pwm_us", compute=_pwm(_CHANNELS)),),
+        (Fill("pwm_us", compute=_pwm(CHANNELS)),),
         needs=("C1",),
         joined=(
             Joined(
@@ -470,7 +410,6 @@ def named_sources(
     components
         Components that sensors are taken from; None for all others.
     """
-    bounds = {"cas_m_s": (0.0, _MAX_CAS), "aoa_rad": (-pi, pi), "speed_rpm": (-_MAX_RPM, _MAX_RPM)}
 
     def others(p: Payload) -> NDArray[np.bool_]:
         return np.asarray(p["SCom"] != own_component)
@@ -487,8 +426,7 @@ def named_sources(
     plain = (Fill("name", ("Name",)), Fill("value", ("Value",)))
     out = [RecordSource(NAMED, NAMED, "named", plain, only=others, needs=("SCom",))]
     for name, (sensor, into, scale) in inputs.items():
-        low, high = bounds[into]
-        fills = [Fill(into, ("Value",), scale, low=low, high=high)]
+        fills = [bounded(into, ("Value",), scale)]
         if into == "cas_m_s":
             fills.append(Fill("diff_press_pa", compute=NO_VALUE, required=False))
         out.append(

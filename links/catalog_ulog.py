@@ -18,7 +18,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from links.catalog import AUTOPILOT_PX4, ZERO_CELSIUS_K, Fill
+from links.catalog import AUTOPILOT_PX4, ZERO_CELSIUS_K, Fill, bounded
 from links.conversions import DEG, Conversion, Floats, Op, Payload
 from links.logs.records import Joined, RecordSource
 
@@ -47,7 +47,6 @@ RHO_0 = 1.225  # kg/m^3
 EARTH_M = 6_371_000.0  # as PX4's map projection
 ARMED = 2  # vehicle_status.arming_state
 _AUTO = (3, 4, 5, 12, 14, 17, 18, 19, 20, 21, 22)  # vehicle_status.nav_state: AUTO_*, OFFBOARD
-_MAX_ACC, _MAX_RATE, _MAX_CAS, _MAX_RPM = 400.0, 70.0, 700.0, 1e6
 
 
 def _elements(name: str, count: int = 3) -> tuple[str, ...]:
@@ -114,9 +113,9 @@ def _receiver(message: str, sensor: str, old: bool) -> RecordSource:
         sensor,
         (
             Fill("fix_type", ("fix_type",)),
-            Fill("lat_rad", (lat,), scale * DEG, low=-pi / 2, high=pi / 2),
-            Fill("lon_rad", (lon,), scale * DEG, low=-pi, high=pi),
-            Fill("alt_m", (alt,), metres, low=-1e4, high=1e5),
+            bounded("lat_rad", (lat,), scale * DEG),
+            bounded("lon_rad", (lon,), scale * DEG),
+            bounded("alt_m", (alt,), metres),
             Fill("vel_ned_m_s", compute=_velocity, required=False),
             Fill("h_std_m", ("eph",), required=False),
             Fill("v_std_m", ("epv",), required=False),
@@ -134,8 +133,8 @@ def _pressure(column: str) -> RecordSource:
         "differential_pressure",
         "airspeed{}",
         (
-            Fill("diff_press_pa", (column,), low=-3e4, high=3e5),
-            Fill("cas_m_s", compute=_cas_of_pressure(column), low=0.0, high=_MAX_CAS),
+            bounded("diff_press_pa", (column,)),
+            bounded("cas_m_s", compute=_cas_of_pressure(column)),
         ),
         instance="instance",
     )
@@ -148,7 +147,7 @@ def _selected(index: str, k: int) -> RecordSource:
         "airspeed_validated",
         f"airspeed{k}",
         (
-            Fill("cas_m_s", compute=_not_below_zero("indicated_airspeed_m_s"), high=_MAX_CAS),
+            bounded("cas_m_s", compute=_not_below_zero("indicated_airspeed_m_s")),
             Fill("diff_press_pa", compute=_pressure_of_airspeed("indicated_airspeed_m_s")),
         ),
         only=lambda p: np.asarray(p[index] == k + 1),
@@ -161,7 +160,7 @@ def _rpm(message: str, column: str) -> RecordSource:
         message,
         message,
         "spool{}",
-        (Fill("speed_rpm", (column,), low=-_MAX_RPM, high=_MAX_RPM),),
+        (bounded("speed_rpm", (column,)),),
         instance="instance",
     )
 
@@ -171,7 +170,7 @@ def _esc(k: int) -> RecordSource:
         "esc_status",
         "esc_status",
         f"spool{k}",
-        (Fill("speed_rpm", (f"esc[{k}].esc_rpm",), low=-_MAX_RPM, high=_MAX_RPM),),
+        (bounded("speed_rpm", (f"esc[{k}].esc_rpm",)),),
         only=lambda p: p["esc_count"] > k,
         needs=("esc_count",),
     )
@@ -183,8 +182,8 @@ def _air(temperature: str) -> RecordSource:
         "vehicle_air_data",
         "baro0",
         (
-            Fill("static_press_pa", ("baro_pressure_pa",), low=1e3, high=1.3e5),
-            Fill("temperature_k", (temperature,), 1.0, ZERO_CELSIUS_K, low=150.0, high=450.0),
+            bounded("static_press_pa", ("baro_pressure_pa",)),
+            bounded("temperature_k", (temperature,), 1.0, ZERO_CELSIUS_K),
         ),
     )
 
@@ -195,17 +194,13 @@ SOURCES: tuple[RecordSource, ...] = (
         "vehicle_imu",
         "imu{}",
         (
-            Fill(
+            bounded(
                 "acc_m_s2",
                 compute=_over_time(_SPEEDS, "delta_velocity_dt"),
-                low=-_MAX_ACC,
-                high=_MAX_ACC,
             ),
-            Fill(
+            bounded(
                 "gyro_rad_s",
                 compute=_over_time(_ANGLES, "delta_angle_dt"),
-                low=-_MAX_RATE,
-                high=_MAX_RATE,
             ),
         ),
         instance="instance",
@@ -216,8 +211,8 @@ SOURCES: tuple[RecordSource, ...] = (
         "sensor_combined",
         "imu0",
         (
-            Fill("acc_m_s2", _elements("accelerometer_m_s2"), low=-_MAX_ACC, high=_MAX_ACC),
-            Fill("gyro_rad_s", _elements("gyro_rad"), low=-_MAX_RATE, high=_MAX_RATE),
+            bounded("acc_m_s2", _elements("accelerometer_m_s2")),
+            bounded("gyro_rad_s", _elements("gyro_rad")),
         ),
     ),
     RecordSource(
@@ -229,9 +224,7 @@ SOURCES: tuple[RecordSource, ...] = (
         joined=(
             Joined(
                 "vehicle_angular_velocity",
-                Fill(
-                    "rate_rad_s", _elements("xyz"), required=False, low=-_MAX_RATE, high=_MAX_RATE
-                ),
+                bounded("rate_rad_s", _elements("xyz"), required=False),
             ),
         ),
     ),
@@ -242,10 +235,10 @@ SOURCES: tuple[RecordSource, ...] = (
         "vehicle_local_position",
         "nav",
         (
-            Fill("lat_rad", compute=lambda p: _position(p)[0], low=-pi / 2, high=pi / 2),
+            bounded("lat_rad", compute=lambda p: _position(p)[0]),
             Fill("lon_rad", compute=lambda p: _position(p)[1], low=-2 * pi, high=2 * pi),
             Fill("alt_m", compute=lambda p: _column(p, "ref_alt") - _column(p, "z")),
-            Fill("height_m", ("z",), -1.0, low=-1e5, high=1e5),
+            bounded("height_m", ("z",), -1.0),
             Fill("vel_ned_m_s", ("vx", "vy", "vz")),
         ),
         only=lambda p: np.logical_and.reduce([p[name] != 0 for name in _VALID]),
@@ -256,7 +249,7 @@ SOURCES: tuple[RecordSource, ...] = (
         "airspeed",
         "airspeed{}",
         (
-            Fill("cas_m_s", compute=_not_below_zero("indicated_airspeed_m_s"), high=_MAX_CAS),
+            bounded("cas_m_s", compute=_not_below_zero("indicated_airspeed_m_s")),
             Fill("diff_press_pa", compute=_pressure_of_airspeed("indicated_airspeed_m_s")),
         ),
         instance="instance",
@@ -332,11 +325,9 @@ RANKING: dict[str, tuple[str, ...]] = {
 
 def named_sources(inputs: Mapping[str, tuple[str, str, float]]) -> list[RecordSource]:
     """Sensors that come as named values (NAMED_VALUE_FLOAT name -> sensor, field, factor)."""
-    bounds = {"cas_m_s": (0.0, _MAX_CAS), "aoa_rad": (-pi, pi), "speed_rpm": (-_MAX_RPM, _MAX_RPM)}
     out = []
     for name, (sensor, into, scale) in inputs.items():
-        low, high = bounds[into]
-        fills = [Fill(into, ("value",), scale, low=low, high=high)]
+        fills = [bounded(into, ("value",), scale)]
         if into == "cas_m_s":
             unknown = Conversion(Op.NO_VALUE)
             fills.append(Fill("diff_press_pa", compute=unknown, required=False))

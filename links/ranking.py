@@ -9,6 +9,8 @@ source has spoken at all, and only after ``settle`` of vehicle time.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from links.catalog import Source
 from links.samples import Rows
 
-__all__ = ["Candidate", "SourceRanking"]
+__all__ = ["Candidate", "SensorRows", "SourceRanking"]
 
 _NEVER = np.iinfo(np.int64).min
 
@@ -100,3 +102,72 @@ class SourceRanking:
             if len(c.rows):
                 spoke[c.rank] = max(int(c.rows["t_us"].max()), spoke.get(c.rank, _NEVER))
         return chosen
+
+
+class SensorRows:
+    """One stream of numbered rows per sensor, out of what all sources offer.
+
+    Parameters
+    ----------
+    timeout_us, settle_us
+        As :class:`SourceRanking`.
+
+    Attributes
+    ----------
+    used
+        Sensor -> rows taken of each message.
+    """
+
+    def __init__(self, timeout_us: int, settle_us: int) -> None:
+        self._ranking = SourceRanking(timeout_us, settle_us)
+        self._seq = 0
+        self.used: dict[str, Counter[str]] = {}
+
+    def messages(self) -> dict[str, str]:
+        """Sensor -> messages that it was taken from, the most used first."""
+        return {
+            sensor: ", ".join(name for name, _ in used.most_common())
+            for sensor, used in self.used.items()
+        }
+
+    def pick(self, offers: Mapping[str, list[Candidate]], first_t_us: int) -> dict[str, Rows]:
+        """Each sensor's rows, numbered over all sensors in arrival order.
+
+        Parameters
+        ----------
+        offers
+            Sensor -> its candidates of one block of frames.
+        first_t_us
+            Vehicle time of the first stamp [us].
+        """
+        picked: dict[str, list[Candidate]] = {}
+        for sensor, candidates in offers.items():
+            selected = self._ranking.select(sensor, candidates, first_t_us)
+            if chosen := [c for c in selected if len(c.rows)]:
+                picked[sensor] = chosen
+        parts = [c for chosen in picked.values() for c in chosen]
+        if not parts:
+            return {}
+        self._assign_seq(parts)
+        rows = {}
+        for sensor, chosen in picked.items():
+            used = self.used.setdefault(sensor, Counter())
+            for c in chosen:
+                used[c.source.message] += len(c.rows)
+            if len(chosen) == 1:
+                rows[sensor] = chosen[0].rows
+            else:
+                merged = np.concatenate([c.rows for c in chosen])
+                rows[sensor] = merged[np.argsort(merged["seq"])]
+        return rows
+
+    def _assign_seq(self, parts: list[Candidate]) -> None:
+        frame = np.concatenate([c.frame for c in parts])
+        order = np.concatenate([np.full(len(c.frame), c.order) for c in parts])
+        place = np.empty(len(frame), np.int64)
+        place[np.lexsort((order, frame))] = np.arange(len(frame))
+        at = 0
+        for c in parts:
+            c.rows["seq"] = self._seq + place[at : at + len(c.rows)]
+            at += len(c.rows)
+        self._seq += len(frame)

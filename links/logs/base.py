@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Protocol
 
+from links.clock import VehicleClock
 from links.mavlink.options import Vehicle
+from links.ranking import SensorRows
 from links.samples import Batch
 
 __all__ = ["CHUNK", "MAX_GAPS", "LogError", "LogInfo", "LogReader", "read_chunks"]
@@ -74,6 +76,11 @@ class LogInfo:
     def duration_s(self) -> float:
         """Vehicle time from the first record to the newest sample [s]."""
         return (self.last_t_us - self.first_t_us) * 1e-6
+
+    def note_rows(self, clock: VehicleClock, sensors: SensorRows) -> None:
+        """Take over what the rows read so far tell: newest time, messages of each sensor."""
+        self.last_t_us = clock.newest_us or 0
+        self.sources = sensors.messages()
 
 
 class LogReader(Protocol):

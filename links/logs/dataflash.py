@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from links import catalog_dataflash as table
 from links.clock import UNIX_FROM_US, VehicleClock
+from links.dataflash_columns import COLUMNS, EKF2, PARAMETER, VEHICLE, WHOLE
 from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo, read_chunks
 from links.logs.dataflash_format import Table, first_format
 from links.logs.dataflash_parser import DataflashParser
@@ -86,7 +87,7 @@ class DataflashReader:
         rows = RecordRows(
             [*table.SOURCES, *named],
             table.RANKING,
-            parameters=(table.PARAMETER, "Name", "Value"),
+            parameters=(PARAMETER, "Name", "Value"),
             timeout_us=options.source_timeout_us,
             settle_us=options.settle_us,
             airspeed_ratio=options.airspeed_ratio,
@@ -110,7 +111,7 @@ class DataflashReader:
         for _ in (*parser.feed(head), *parser.finish()):
             pass
         if "NKF1" in parser.by_name and "XKF1" not in parser.by_name:
-            self._alias = dict(table.EKF2)
+            self._alias = dict(EKF2)
 
     # ------------------------------------------------------------------ steps
 
@@ -118,15 +119,15 @@ class DataflashReader:
         records = []
         for part in tables:
             name = self._alias.get(part.format.name, part.format.name)
-            if name not in table.COLUMNS:
+            if name not in COLUMNS:
                 continue
-            columns = _columns(part, table.COLUMNS[name])
+            columns = _columns(part, COLUMNS[name])
             known = len(columns.dtype.names or ())
-            if known < (2 if name == table.PARAMETER else 1):
+            if known < (2 if name == PARAMETER else 1):
                 continue
             stamps = _stamps(part)
             records.append(Records(name, columns, part.place, stamps))
-            if name == table.PARAMETER and not self._system:
+            if name == PARAMETER and not self._system:
                 self._note_system(columns)
             elif name in ("VER", "MSG") and (told := _vehicles(records[-1])) is not None:
                 records.append(told)
@@ -139,11 +140,7 @@ class DataflashReader:
         info = self.info
         info.messages, info.bad_bytes = parser.records, parser.bad_bytes
         info.first_t_us = rows.first_t_us or 0
-        info.last_t_us = rows.clock.newest_us or 0
-        info.sources = {
-            sensor: ", ".join(message for message, _ in used.most_common())
-            for sensor, used in rows.sources.items()
-        }
+        info.note_rows(rows.clock, rows.sensors)
         return batch
 
     def _rejected(self, parser: DataflashParser) -> Counter[tuple[str, Rejection]]:
@@ -202,7 +199,7 @@ def _columns(part: Table, wanted: dict[str, str]) -> Rows:
         raw = part.column(name)
         if raw.ndim != 1 or (raw.dtype.kind == "S") != (name in _TEXT):
             continue
-        if name in table.WHOLE:
+        if name in WHOLE:
             if raw.dtype.kind in "iu":
                 found[name] = raw.astype(np.int64)
         elif name in _TEXT:
@@ -241,7 +238,7 @@ def _vehicles(part: Records) -> Records | None:
         return None
     columns = np.empty(int(use.sum()), _VEHICLE)
     columns["Type"] = types[use]
-    return Records(table.VEHICLE, columns, part.place[use], np.zeros(len(columns), np.int64))
+    return Records(VEHICLE, columns, part.place[use], np.zeros(len(columns), np.int64))
 
 
 def warm_up() -> None:

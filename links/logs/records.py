@@ -22,7 +22,7 @@ from links.clock import ClockResult, Stamp, VehicleClock
 from links.conversions import Payload
 from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, instances
-from links.ranking import Candidate, SourceRanking
+from links.ranking import Candidate, SensorRows
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
 
@@ -174,8 +174,8 @@ class RecordRows:
         The vehicle's clock, to read.
     first_t_us
         Vehicle time of the first record with one [us]; None before it.
-    sources
-        Sensor -> message -> rows used of it.
+    sensors
+        What is chosen of all sources, and which message was used how often.
     """
 
     def __init__(
@@ -203,12 +203,10 @@ class RecordRows:
                     self._leaders.setdefault(join.leader.message, set()).add(join.leader)
         self._parameters = parameters
         self._ratios = PitotRatios(airspeed_ratio)
-        self._select = SourceRanking(timeout_us, settle_us)
         self._newest = Newest()
-        self._seq = 0
         self.clock = VehicleClock()
         self.first_t_us: int | None = None
-        self.sources: dict[str, Counter[str]] = {}
+        self.sensors = SensorRows(timeout_us, settle_us)
 
     @property
     def wanted(self) -> frozenset[str]:
@@ -235,7 +233,8 @@ class RecordRows:
                 for sensor, at, rows in self._offers(source, part, times, rejected):
                     candidate = Candidate(rank, order, source, part.place[at], rows)
                     offers.setdefault(sensor, []).append(candidate)
-        return Batch(self._number(offers), rejected, self.clock.boots_since(before))
+        picked = self.sensors.pick(offers, self.first_t_us or 0)
+        return Batch(picked, rejected, self.clock.boots_since(before))
 
     # ------------------------------------------------------------------ what is in force
 
@@ -361,35 +360,6 @@ class RecordRows:
             here = number == k
             values[here] = self._newest.at((join, int(k)), place[here], width)
         return values
-
-    def _number(self, offers: Mapping[str, list[Candidate]]) -> dict[str, Rows]:
-        """Pick each sensor's rows and number all of them in the file's order."""
-        first = self.first_t_us or 0
-        picked: dict[str, list[Candidate]] = {}
-        for sensor, candidates in offers.items():
-            chosen = [c for c in self._select.select(sensor, candidates, first) if len(c.rows)]
-            if chosen:
-                picked[sensor] = chosen
-        parts = [c for chosen in picked.values() for c in chosen]
-        if not parts:
-            return {}
-        place = np.concatenate([c.frame for c in parts])
-        order = np.concatenate([np.full(len(c.frame), c.order) for c in parts])
-        number = np.empty(len(place), np.int64)
-        number[np.lexsort((order, place))] = np.arange(len(place))
-        at = 0
-        for c in parts:
-            c.rows["seq"] = self._seq + number[at : at + len(c.rows)]
-            at += len(c.rows)
-        self._seq += len(place)
-        rows = {}
-        for sensor, chosen in picked.items():
-            used = self.sources.setdefault(sensor, Counter())
-            for c in chosen:
-                used[c.source.message] += len(c.rows)
-            merged = np.concatenate([c.rows for c in chosen]) if len(chosen) > 1 else chosen[0].rows
-            rows[sensor] = merged[np.argsort(merged["seq"])] if len(chosen) > 1 else merged
-        return rows
 
 
 def _sensors(source: RecordSource, part: Records, index: Places) -> Iterator[tuple[str, Places]]:

@@ -77,11 +77,7 @@ class TlogReader:
         info, decoder = self.info, self.decoder
         info.bytes_read, info.bad_bytes = decoder.counters.bytes, decoder.counters.bad_bytes
         info.messages, info.vehicle = decoder.counters.messages, decoder.vehicle or info.vehicle
-        info.last_t_us = decoder.clock.newest_us or 0
-        info.sources = {
-            sensor: ", ".join(message for message, _ in used.most_common())
-            for sensor, used in decoder.sources.items()
-        }
+        info.note_rows(decoder.clock, decoder.sensors)
         self._note_stamps(decoder.frames.stamp_us)
         info.first_t_us = decoder.first_t_us or 0
         offset = decoder.t_us_of_unix_zero

@@ -171,13 +171,9 @@ class UlogReader:
         info = self.info
         info.bytes_read, info.bad_bytes = parser.bytes, parser.bad_bytes
         info.messages = parser.messages
-        info.last_t_us = rows.clock.newest_us or 0
         first = rows.first_t_us or 0
         info.first_t_us = self._start_us if 0 < self._start_us <= first else first
-        info.sources = {
-            sensor: ", ".join(message for message, _ in used.most_common())
-            for sensor, used in rows.sources.items()
-        }
+        info.note_rows(rows.clock, rows.sensors)
         return batch
 
     def _records(self, part: TopicRows, block: Block) -> Records | None:

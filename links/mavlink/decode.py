@@ -28,7 +28,7 @@ from links.mavlink.options import Counters, DecoderOptions, Vehicle
 from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, gather_payloads, instances
 from links.mavlink.sourcing import Entry, source_table
-from links.ranking import Candidate, SourceRanking
+from links.ranking import Candidate, SensorRows
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
 
@@ -93,10 +93,8 @@ class Decoder:
         self._dialect = load_dialect(self.options.dialect)
         self._framer = Framer(self._dialect, stamped=stamped)
         self._clock = VehicleClock()
-        self._select = SourceRanking(self.options.source_timeout_us, self.options.settle_us)
         self._held: Frames | None = Frames.at(b"", [])
         self._system = -1
-        self._seq = 0
         self._ratios = PitotRatios(self.options.airspeed_ratio)
         self._sequence: dict[int, int] = {}
         self._sources: dict[int, list[Entry]] = {}
@@ -110,7 +108,7 @@ class Decoder:
         self._rank(None)
         self.counters = Counters()
         self.vehicle: Vehicle | None = None
-        self.sources: dict[str, Counter[str]] = {}
+        self.sensors = SensorRows(self.options.source_timeout_us, self.options.settle_us)
         self.frames = Frames.at(b"", [])
         self.timed = _NOTHING
         self.host_us: int | None = None
@@ -327,7 +325,7 @@ class Decoder:
                     continue
                 for sensor, candidate in self._offers(entry, index, payload, block):
                     offers.setdefault(sensor, []).append(candidate)
-        return self._number(offers)
+        return self.sensors.pick(offers, self.first_t_us or 0)
 
     def _note_leads(
         self,
@@ -373,38 +371,6 @@ class Decoder:
                 rows, at = rows[good], at[good]
             if len(rows):
                 yield sensor, Candidate(entry.rank, entry.order, source, at, rows)
-
-    def _number(self, offers: Mapping[str, list[Candidate]]) -> dict[str, Rows]:
-        """Pick each sensor's rows and number all of them in arrival order."""
-        first = self.first_t_us or 0
-        picked: dict[str, list[Candidate]] = {}
-        for sensor, candidates in offers.items():
-            chosen = [c for c in self._select.select(sensor, candidates, first) if len(c.rows)]
-            if chosen:
-                picked[sensor] = chosen
-        parts = [c for chosen in picked.values() for c in chosen]
-        if not parts:
-            return {}
-        frame = np.concatenate([c.frame for c in parts])
-        order = np.concatenate([np.full(len(c.frame), c.order) for c in parts])
-        place = np.empty(len(frame), np.int64)
-        place[np.lexsort((order, frame))] = np.arange(len(frame))
-        at = 0
-        for c in parts:
-            c.rows["seq"] = self._seq + place[at : at + len(c.rows)]
-            at += len(c.rows)
-        self._seq += len(frame)
-        rows = {}
-        for sensor, chosen in picked.items():
-            used = self.sources.setdefault(sensor, Counter())
-            for c in chosen:
-                used[c.source.message] += len(c.rows)
-            if len(chosen) == 1:
-                rows[sensor] = chosen[0].rows
-            else:
-                merged = np.concatenate([c.rows for c in chosen])
-                rows[sensor] = merged[np.argsort(merged["seq"])]
-        return rows
 
     # ------------------------------------------------------------------ parameters
 

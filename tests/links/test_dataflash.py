@@ -14,6 +14,7 @@ import pytest
 
 from links import catalog_dataflash as table
 from links.clock import VehicleClock
+from links.dataflash_columns import COLUMNS
 from links.logs import LogError, dataflash, open_log, read_dataflash
 from links.logs.dataflash_parser import DataflashParser
 from links.mavlink import DecoderOptions
@@ -73,7 +74,7 @@ def test_every_field_that_is_used_is_what_dfreader_reads(tmp_path: Path, raw: by
         for part in (part for step in steps for part in step):
             for name, values in part.columns():
                 parts.setdefault(part.format.name, {}).setdefault(name, []).append(values)
-    used = [name for name in table.COLUMNS if name in theirs]
+    used = [name for name in COLUMNS if name in theirs]
     assert len(used) >= 18
     assert {name: counts[name] for name in used} == {name: parser.by_name[name] for name in used}
     for name in used:

@@ -255,7 +255,7 @@ def test_every_source_gives_rows_of_its_sensor(source, decode):
     )
     sensor = source.sensor.format(1)
     assert len(batch.rows[sensor]) >= 1
-    assert decoder.sources[sensor][source.message] >= 1
+    assert decoder.sensors.used[sensor][source.message] >= 1
     assert batch.rows[sensor].dtype == QUANTITIES[quantity_of(sensor)]
 
 
@@ -425,7 +425,7 @@ def test_where_the_bytes_are_cut_changes_no_sample(
     same_batch(whole, cut)
     assert a.counters == b.counters
     assert a.vehicle == b.vehicle
-    assert a.sources == b.sources
+    assert a.sensors.used == b.sensors.used
 
 
 def test_byte_by_byte_is_the_same_too(noisy_stream, decode, same_batch):

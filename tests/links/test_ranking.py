@@ -38,7 +38,7 @@ def cas_of(batch):
 def test_vfr_hud_alone_is_used_once_it_is_clear_that_there_is_nothing_better(decode, stream):
     batch, decoder = decode(stream(hud(10.5, 1.0), hud(11.9, 2.0), hud(12.1, 3.0), hud(13.0, 4.0)))
     assert cas_of(batch) == [3.0, 4.0]
-    assert dict(decoder.sources["airspeed0"]) == {"VFR_HUD": 2}
+    assert dict(decoder.sensors.used["airspeed0"]) == {"VFR_HUD": 2}
 
 
 def test_vfr_hud_never_stands_in_for_a_pitot_that_fell_silent(decode, stream):
@@ -53,7 +53,7 @@ def test_a_better_source_takes_over_at_once_and_the_next_steps_in_after_silence(
         )
     )
     assert cas_of(batch) == [20.0, 30.0, 20.0, 20.0]
-    assert decoder.sources["airspeed0"].most_common()[0] == ("SCALED_PRESSURE", 3)
+    assert decoder.sensors.used["airspeed0"].most_common()[0] == ("SCALED_PRESSURE", 3)
 
 
 def test_an_unusable_row_does_not_hold_others_back(decode, stream):
@@ -70,7 +70,7 @@ def test_attitude_quaternion_before_attitude(decode, stream):
         )
     )
     assert batch.rows["attitude"]["t_us"].tolist() == [10_000_000, 10_100_000, 10_300_000]
-    assert decoder.sources["attitude"]["ATTITUDE"] == 1  # before the better one spoke
+    assert decoder.sensors.used["attitude"]["ATTITUDE"] == 1  # before the better one spoke
 
 
 def imu_events():
