@@ -39,6 +39,14 @@ from estimators.air_data_3d import (
     pitot_update,
     predict,
 )
+from estimators.air_data_3d_lanes import (
+    LANES,
+    Lanes,
+    lateral_lanes,
+    new_lanes,
+    pitot_lanes,
+    predict_lanes,
+)
 from estimators.jit import kernel
 
 __all__ = [
@@ -99,8 +107,9 @@ class Bank(NamedTuple):
     ----------
     x, P : (10,), (10, 10) float64
         The master.
-    hx, hP : (14, 8, 10), (14, 8, 10, 10) float64
-        Hypotheses by generation and mask.
+    hx, hP : (8, 10, 16), (8, 10, 10, 16) float64
+        Hypotheses by mask, their generations in lanes (:mod:`estimators.air_data_3d_lanes`); of
+        hP[h, i, j] only j >= i is kept.
     L : (14, 8) float64 [nat]
         Log-likelihood over the master's; -inf where no filter runs.
     born : (14,) float64 [s]
@@ -111,6 +120,8 @@ class Bank(NamedTuple):
         Its horizontal wind there.
     early : (14, 8, 3) float64 [1]
         Scales some seconds after the start: tells a step from a drift.
+    room
+        To work in.
     """
 
     x: Array
@@ -123,6 +134,7 @@ class Bank(NamedTuple):
     ref_var: Array
     ref_wind: Array
     early: Array
+    room: Lanes
 
 
 def new_bank() -> Bank:
@@ -131,24 +143,25 @@ def new_bank() -> Bank:
     return Bank(
         x=np.zeros(NX),
         P=np.zeros((NX, NX)),
-        hx=np.zeros((g, h, NX)),
-        hP=np.zeros((g, h, NX, NX)),
+        hx=np.zeros((h, NX, LANES)),
+        hP=np.zeros((h, NX, NX, LANES)),
         L=np.full((g, h), -np.inf),
         born=np.full(g, np.nan),
         ref=np.zeros((g, N_PITOTS)),
         ref_var=np.zeros((g, N_PITOTS)),
         ref_wind=np.zeros((g, 2)),
         early=np.zeros((g, h, N_PITOTS)),
+        room=new_lanes(),
     )
 
 
 @kernel
-def _copy(x: Array, P: Array, to_x: Array, to_P: Array) -> None:
-    """Copy a filter, element by element (slices compile ten times longer)."""
+def _make_master(bank: Bank, g: int, h: int) -> None:
+    """Copy hypothesis h of a generation into the master."""
     for i in range(NX):
-        to_x[i] = x[i]
-        for j in range(NX):
-            to_P[i, j] = P[i, j]
+        bank.x[i] = bank.hx[h, i, g]
+        for j in range(i, NX):
+            bank.P[i, j] = bank.P[j, i] = bank.hP[h, i, j, g]
 
 
 @kernel
@@ -216,18 +229,31 @@ def spawn(
             bank.L[g, h] = -np.inf
             continue
         bank.L[g, h] = 0.0
-        P = bank.hP[g, h]
-        _copy(bank.x, bank.P, bank.hx[g, h], P)
+        P = bank.hP[h]
+        for i in range(NX):
+            bank.hx[h, i, g] = bank.x[i]
+            for j in range(i, NX):
+                P[i, j, g] = bank.P[i, j]
         if h == WIND_CHANGED:
-            P[0, 0] += jump_wind_m_s**2
-            P[1, 1] += jump_wind_m_s**2
-            P[2, 2] += (0.1 * jump_wind_m_s) ** 2
+            P[0, 0, g] += jump_wind_m_s**2
+            P[1, 1, g] += jump_wind_m_s**2
+            P[2, 2, g] += (0.1 * jump_wind_m_s) ** 2
         for i in range(N_PITOTS):
             bank.early[g, h, i] = bank.x[_SCALE0 + i]
-            for j in range(N_PITOTS):
+            for j in range(i, N_PITOTS):
                 if (h >> i) & (h >> j) & 1:
                     own = JUMP_OWN_SHARE**2 if i == j else 0.0
-                    P[_SCALE0 + i, _SCALE0 + j] += jump_scale**2 * (1.0 - JUMP_OWN_SHARE**2 + own)
+                    jump2 = jump_scale**2 * (1.0 - JUMP_OWN_SHARE**2 + own)
+                    P[_SCALE0 + i, _SCALE0 + j, g] += jump2
+
+
+@kernel
+def _runs(bank: Bank, h: int) -> bool:
+    """Whether any generation runs a filter of hypothesis h."""
+    best = -np.inf
+    for g in range(N_GENERATIONS):
+        best = max(best, bank.L[g, h])
+    return bool(best > -np.inf)
 
 
 @kernel
@@ -265,37 +291,43 @@ def bank_step(
     d = np.empty(2)
     for i in range(2):
         d[i] = V[i] - bank.x[i]
-    for g in range(N_GENERATIONS):
-        if np.isnan(bank.born[g]):
+    room = bank.room
+    lanes = room.e.size
+    for h in range(N_HYPOTHESES):
+        if not _runs(bank, h):
             continue
-        for h in range(N_HYPOTHESES):
+        x, P = bank.hx[h], bank.hP[h]
+        predict_lanes(x, P, phi, q)
+        if h == WIND_CHANGED:
+            for i in range(2):
+                for j in range(i, 2):
+                    for g in range(lanes):
+                        P[i, j, g] += q_shifted * d[i] * d[j]
+        for i in range(N_PITOTS):
+            for j in range(i, N_PITOTS):
+                if (h >> i) & (h >> j) & 1:
+                    for g in range(lanes):
+                        P[_SCALE0 + i, _SCALE0 + j, g] += q_shifted
+        lateral_lanes(room, x, P, V, e_y, R_lateral, gate)
+        for g in range(lanes):
+            room.lateral[g] = room.ln[g]
+        pitot_lanes(room, x, P, V, y, use, ln_sigma, R_common, R_own, gate)
+        for g in range(N_GENERATIONS):
             if bank.L[g, h] == -np.inf:
                 continue
-            x, P = bank.hx[g, h], bank.hP[g, h]
-            predict(x, P, phi, q)
-            if h == WIND_CHANGED:
-                for i in range(2):
-                    for j in range(2):
-                        P[i, j] += q_shifted * d[i] * d[j]
-            for i in range(N_PITOTS):
-                for j in range(N_PITOTS):
-                    if (h >> i) & (h >> j) & 1:
-                        P[_SCALE0 + i, _SCALE0 + j] += q_shifted
-            L = lateral_update(x, P, V, e_y, R_lateral, gate)
-            L += pitot_update(x, P, V, y, use, ln_sigma, R_common, R_own, gate)
-            bank.L[g, h] += L - null
+            bank.L[g, h] += room.lateral[g] + room.ln[g] - null
             if t - bank.born[g] <= EARLY_S:
                 for i in range(N_PITOTS):
-                    bank.early[g, h, i] = x[_SCALE0 + i]
+                    bank.early[g, h, i] = x[_SCALE0 + i, g]
 
 
 @kernel
 def _possible(bank: Bank, bounds: WindBounds, g: int, h: int, change_m_s: float) -> bool:
     """Whether the wind of an explanation, and its change since the start, are within bounds."""
-    x = bank.hx[g, h]
-    if x[0] ** 2 + x[1] ** 2 > bounds.horizontal_m_s**2 or abs(x[2]) > bounds.vertical_m_s:
+    x, y = bank.hx[h, 0, g], bank.hx[h, 1, g]
+    if x**2 + y**2 > bounds.horizontal_m_s**2 or abs(bank.hx[h, 2, g]) > bounds.vertical_m_s:
         return False
-    change2 = (x[0] - bank.ref_wind[g, 0]) ** 2 + (x[1] - bank.ref_wind[g, 1]) ** 2
+    change2 = (x - bank.ref_wind[g, 0]) ** 2 + (y - bank.ref_wind[g, 1]) ** 2
     return bool(change2 <= change_m_s**2)
 
 
@@ -384,7 +416,7 @@ def accept_wind(bank: Bank, g: int) -> None:
 
     It only moves the zero of L: the other explanations go on competing with their old starts.
     """
-    _copy(bank.hx[g, WIND_CHANGED], bank.hP[g, WIND_CHANGED], bank.x, bank.P)
+    _make_master(bank, g, WIND_CHANGED)
     lead = bank.L[g, WIND_CHANGED]
     for i in range(N_GENERATIONS):
         for j in range(N_HYPOTHESES):
@@ -398,7 +430,7 @@ def adopt(bank: Bank, g: int, h: int) -> None:
     Their k return to what they were before the shift, for the day they recover, and every
     generation is dropped: the competition is over.
     """
-    _copy(bank.hx[g, h], bank.hP[g, h], bank.x, bank.P)
+    _make_master(bank, g, h)
     for i in range(N_PITOTS):
         if (h >> i) & 1:
             k = _SCALE0 + i

@@ -18,7 +18,7 @@ from estimators.air_checks import (
     lives,
     noisy,
 )
-from estimators.air_data_3d import GUST, N_PITOTS, SCALE, YAW, air_velocity
+from estimators.air_data_3d import GUST, N_PITOTS, NX, SCALE, YAW, air_velocity
 from estimators.air_data_3d_bank import (
     N_HYPOTHESES,
     WIND_CHANGED,
@@ -333,7 +333,9 @@ def use_epoch(
     if step > BREAK_S:
         clear(bank)
     g = changed_wind(bank)
-    x_slip = bank.hx[g, WIND_CHANGED] if g >= 0 else bank.x
+    x_slip = work[6]
+    for i in range(NX):
+        x_slip[i] = bank.hx[WIND_CHANGED, i, g] if g >= 0 else bank.x[i]
     adapt(air.noise, par.noise, dt, bank.x, x_slip, V, E[1], y, use, ln_sigma, e)
     phi = _process_noise(air, par, step, V[2], q)
     bank_step(

@@ -75,7 +75,7 @@ def _least_shift(bank: Bank, g: int, h: int, mask: int) -> float:
     least, most = np.inf, -np.inf
     for i in range(N_PITOTS):
         if (mask >> i) & 1:
-            shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
+            shift = bank.hx[h, _SCALE0 + i, g] - bank.ref[g, i]
             least, most = min(least, shift), max(most, shift)
     return float(max(least, -most, 0.0))
 

@@ -292,12 +292,12 @@ def _accuse_by_bank(
     for i in range(N_PITOTS):
         if (h >> i) & 1:
             k = _SCALE0 + i
-            error = judge.sensor[i, S_RESIDUAL] + bank.hx[g, h, k] - bank.x[k]
+            error = judge.sensor[i, S_RESIDUAL] + bank.hx[h, k, g] - bank.x[k]
     agree = _agreeing(judge, limits, h, error)
     age = t - bank.born[g]
     for i in range(N_PITOTS):
         if (h >> i) & 1:
-            shift = bank.hx[g, h, _SCALE0 + i] - bank.ref[g, i]
+            shift = bank.hx[h, _SCALE0 + i, g] - bank.ref[g, i]
             early = bank.early[g, h, i] - bank.ref[g, i]
             s = judge.sensor[i]
             s[S_EXPECT] = s[S_SHOWN] * math.exp(shift)

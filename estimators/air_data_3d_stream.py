@@ -251,7 +251,7 @@ def run(
     judge.memory[J_ROWS] = 0.0
     n_out = 0
     E = np.empty((3, 3))
-    work = np.empty((6, 10))
+    work = np.empty((7, 10))
     where = np.empty(N_HYPOTHESES, np.int64)
     for k in range(start, len(t)):
         now, what, i, v = t[k], code[k], index[k], value[k]

@@ -56,6 +56,7 @@ from numpy.typing import NDArray
 
 from estimators.air_data_3d import N_PITOTS, scalar_update
 from estimators.air_data_3d_bank import N_HYPOTHESES
+from estimators.air_horizon_lanes import HorizonLanes, new_horizon_lanes
 from estimators.air_horizon_stage import (
     N_STAGE,
     Z_AIR,
@@ -69,14 +70,13 @@ from estimators.air_horizon_stage import (
     Z_LATERAL_VAR,
     Z_M,
     Z_OWN,
-    Z_T,
     Z_USE,
     Z_W0,
     Z_WALK2,
     Z_Z,
 )
 from estimators.jit import kernel
-from estimators.mhe import SOLVED, barrier_qp, work_size
+from estimators.mhe import work_size
 
 __all__ = [
     "CHANGED_S",
@@ -89,9 +89,9 @@ __all__ = [
     "gust_stage",
     "new_long_horizon",
     "push_stage",
-    "solve_explanation",
     "stage_rows",
     "start_horizon",
+    "transition",
 ]
 
 Array = NDArray[np.float64]
@@ -123,15 +123,10 @@ H_STAGES, H_HELD, H_HELD_SINCE, H_WIND_SINCE = range(4)
 
 
 class HorizonLevels(NamedTuple):
-    """Model, bounds and limits of the horizon; the settings say what each value rests on.
-
-    ``n_free`` is the one iteration of a window without bounds: constants in a call would compile
-    the callee anew.
-    """
+    """Model, bounds and limits of the horizon; the settings say what each value rests on."""
 
     iterations: int
     kappa: float
-    n_free: int
     n_kappa: int
     n_qp: int
     gust_tau_s: float
@@ -167,6 +162,8 @@ class LongHorizon(NamedTuple):
     memory : (4,) float64
     A, B, C, ry, lo, hi, u, inf, zero, one, work
         Scratch of the quadratic programme.
+    lanes
+        Scratch of the windows without bounds.
     """
 
     stages: Array
@@ -187,6 +184,7 @@ class LongHorizon(NamedTuple):
     zero: Array
     one: Array
     work: Array
+    lanes: HorizonLanes
 
 
 def new_long_horizon(N: int) -> LongHorizon:
@@ -212,6 +210,7 @@ def new_long_horizon(N: int) -> LongHorizon:
         zero=z((N, NH)),
         one=np.ones(NH),
         work=z(work_size(N, NH, NH, MH)),
+        lanes=new_horizon_lanes(N),
     )
 
 
@@ -305,7 +304,7 @@ def stage_rows(row: Array, x: Array, C: Array, ry: Array) -> None:
 
 
 @kernel
-def _transition(A: Array, B: Array, row: Array, levels: HorizonLevels, h: int, windy: bool) -> None:
+def transition(A: Array, B: Array, row: Array, levels: HorizonLevels, h: int, windy: bool) -> None:
     """A and B of the step into the stage ``row`` under explanation h; windy: the wind changes."""
     dt = row[Z_DT]
     phi, v = gust_stage(dt, levels.gust_tau_s)
@@ -337,7 +336,7 @@ def _leave(z: LongHorizon, levels: HorizonLevels, h: int) -> None:
         if used:
             scalar_update(z.x_p, z.P, z.C[0, k], e, 1.0, NO_GATE)
     A, B = z.A[0], z.B[0]
-    _transition(A, B, z.stages[1], levels, h, h >= WIND_WALKED)
+    transition(A, B, z.stages[1], levels, h, h >= WIND_WALKED)
     for i in range(NH):
         phi = A[i, i]
         z.x_p[i] *= phi
@@ -369,130 +368,3 @@ def push_stage(z: LongHorizon, levels: HorizonLevels, row: Array) -> None:
         for a in range(NH):
             z.x[h, n, a] = z.x[h, n - 1, a] if n > 0 else z.x_p[a]
     z.memory[H_STAGES] = n + 1.0
-
-
-@kernel
-def _bounds(z: LongHorizon, levels: HorizonLevels, n: int) -> None:
-    """Bounds on wind, on its change since the arrival, and on scale, for n stages."""
-    for a in range(3):
-        limit = levels.wind_max_m_s if a < 2 else levels.down_max_m_s
-        change = levels.change_max_m_s if a < 2 else levels.down_max_m_s
-        band = change + 3.0 * math.sqrt(z.P[a, a])
-        lo, hi = max(-limit, z.x_p[a] - band), min(limit, z.x_p[a] + band)
-        if not hi - lo > 0.5:
-            lo, hi = -limit, limit
-        for i in range(n):
-            z.lo[i, a], z.hi[i, a] = lo, hi
-    for a in range(_K, _K + N_PITOTS):
-        for i in range(n):
-            z.lo[i, a], z.hi[i, a] = -levels.scale_max, levels.scale_max
-
-
-@kernel
-def _keeps_bounds(x: Array, lo: Array, hi: Array, n: int) -> bool:
-    """Whether n stages lie strictly inside the bounds."""
-    for i in range(n):
-        for a in range(NH):
-            if not (lo[i, a] < x[i, a] < hi[i, a]):
-                return False
-    return True
-
-
-@kernel
-def _square(P: Array, r: Array) -> float:
-    """Return r' P^-1 r by elimination; P (n, n) and r (n,) are overwritten."""
-    total = 0.0
-    n = r.size
-    for k in range(n):
-        total += r[k] * r[k] / P[k, k]
-        for i in range(k + 1, n):
-            s = P[i, k] / P[k, k]
-            r[i] -= s * r[k]
-            for j in range(k + 1, n):
-                P[i, j] -= s * P[k, j]
-    return total
-
-
-@kernel
-def _cost(z: LongHorizon, x: Array, u: Array, n: int) -> float:
-    """J of a trajectory: arrival, inputs and measurements, each as half its square."""
-    P, r = np.empty((NH, NH)), np.empty(NH)
-    for a in range(NH):
-        r[a] = x[0, a] - z.x_p[a]
-        for b in range(NH):
-            P[a, b] = z.P[a, b]
-    J = _square(P, r)
-    for i in range(n):
-        for k in range(MH):
-            e = z.ry[i, k]
-            for a in range(NH):
-                e -= z.C[i, k, a] * x[i, a]
-            J += e * e
-        if i < n - 1:
-            for a in range(NH):
-                J += u[i, a] ** 2
-    return 0.5 * J
-
-
-@kernel
-def solve_explanation(z: LongHorizon, levels: HorizonLevels, h: int) -> int:
-    """Estimate the horizon under explanation h: trajectory, log-likelihood, end covariance.
-
-    Returns the solver's status; where it is not SOLVED the explanation does not compete (L is
-    -inf) and its trajectory stays.
-
-    Source: wan2018 Algorithm 1, one Newton step where no bound is active.
-    """
-    n = int(z.memory[H_STAGES])
-    A, B, C, ry = z.A[: n - 1], z.B[: n - 1], z.C[:n], z.ry[:n]
-    f, zero, u, x = z.zero[: n - 1], z.zero[: n - 1], z.u[: n - 1], z.x[h, :n]
-    free_lo, free_hi = z.inf[0, :n], z.inf[1, :n]
-    free_ul, free_uu = z.inf[0, : n - 1], z.inf[1, : n - 1]
-    lo, hi = z.lo[:n], z.hi[:n]
-    size = n * (NH * NH + NH + (MH + NH) * (NH + 2)) + 3 * NH * NH + 6 * NH + NH + 16 * n * NH
-    work = z.work[:size]
-    _bounds(z, levels, n)
-    since = np.inf
-    if h >= WIND_WALKED:
-        since = z.stages[n - 1, Z_T] - CHANGED_S[h - WIND_WALKED]
-    for i in range(n - 1):
-        row = z.stages[i + 1]
-        _transition(A[i], B[i], row, levels, h, row[Z_T] > since)
-    status = SOLVED
-    for _ in range(levels.iterations):
-        for i in range(n):
-            stage_rows(z.stages[i], x[i], C[i], ry[i])
-        status = barrier_qp(
-            z.P, z.one, z.one[:MH], A, B, C, f, z.x_p, zero, ry,
-            free_lo, free_hi, free_ul, free_uu,
-            levels.kappa, levels.n_free, levels.n_free, x, u, work,
-        )  # fmt: skip
-        if status != SOLVED:
-            break
-        # The forward pass keeps its covariances, then states, gains, 1 / S and innovations.
-        M = MH + NH
-        o = n * NH * NH + n * NH + n * M * NH
-        S, e = work[o : o + n * M], work[o + n * M : o + 2 * n * M]
-        L, J = 0.0, 0.0
-        for i in range(n):
-            for k in range(MH):
-                s = S[i * M + k]
-                if s > 0.0:
-                    J += 0.5 * e[i * M + k] ** 2 * s
-                    L += 0.5 * math.log(s)
-        o = (n - 1) * NH * NH
-        for a in range(NH):
-            for b in range(NH):
-                z.end_P[h, a, b] = work[o + a * NH + b]
-        if not _keeps_bounds(x, lo, hi, n):
-            status = barrier_qp(
-                z.P, z.one, z.one[:MH], A, B, C, f, z.x_p, zero, ry,
-                lo, hi, free_ul, free_uu, levels.kappa, levels.n_kappa, levels.n_qp, x, u, work,
-            )  # fmt: skip
-            if status != SOLVED:
-                break
-            J = max(J, _cost(z, x, u, n))
-        z.L[h] = L - J
-    if status != SOLVED:
-        z.L[h] = -np.inf
-    return status

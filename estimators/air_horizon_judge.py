@@ -11,7 +11,7 @@ A changed wind that beats everything else by its margin is believed: the stages 
 change keep the faster walk, under every explanation.
 
 The decision stands apart from the stream of epochs: the stream stops where stages wait,
-:func:`take`, :func:`estimators.air_horizon.solve_explanation` of each and :func:`conclude` follow,
+:func:`take`, :func:`estimators.air_horizon_solve.solve_explanations` and :func:`conclude` follow,
 and the stream goes on. (Within the stream's kernel they would all be compiled once more.)
 """
 

@@ -103,13 +103,7 @@ class BaselineTap:
         if imu is not None:
             t_us, kind, value = imu
             self._keep("ardupilot_imus", self._imus.step(t_us, kind, value))
-            samples = kind < SAMPLE + IMUS
-            self._keep(
-                "px4_imus",
-                self._px4_imus.step(
-                    t_us[samples], kind[samples], np.ascontiguousarray(value[samples])
-                ),
-            )
+            self._keep("px4_imus", self._px4_imus.step(t_us, kind, value))
 
     def summary(self, first_us: int) -> dict[str, Any]:
         """The ``baselines`` of ``summary.json``; times count from ``first_us``."""
@@ -225,14 +219,14 @@ def _ordered(events: list[tuple[Rows, int, Floats]]) -> tuple[Ints, Ints, Floats
         return None
     t_us = np.concatenate([r["t_us"] for r, _, _ in events])
     seq = np.concatenate([r["seq"] for r, _, _ in events])
-    kind = np.concatenate([np.full(len(r), k, np.int64) for r, k, _ in events])
+    kind = np.repeat([k for _, k, _ in events], [len(r) for r, _, _ in events])
     value = np.zeros((len(t_us), max(4, *(v.shape[1] for _, _, v in events))))
     start = 0
     for _, _, v in events:
         value[start : start + len(v), : v.shape[1]] = v
         start += len(v)
     order = np.lexsort((seq, t_us))
-    return t_us[order], kind[order], value[order]
+    return t_us.take(order), kind.take(order), value.take(order, axis=0)
 
 
 def _imu_events(rows: Mapping[str, Rows]) -> list[tuple[Rows, int, Floats]]:
@@ -240,8 +234,12 @@ def _imu_events(rows: Mapping[str, Rows]) -> list[tuple[Rows, int, Floats]]:
     events: list[tuple[Rows, int, Floats]] = []
     for k in range(IMUS):
         if (r := rows.get(f"imu{k}")) is not None:
-            r = r[np.any(r["acc_m_s2"] != 0.0, axis=1)]
-            events.append((r, SAMPLE + k, np.hstack((r["gyro_rad_s"], r["acc_m_s2"]))))
+            value = np.empty((len(r), 6))
+            value[:, :3], value[:, 3:] = r["gyro_rad_s"], r["acc_m_s2"]
+            moves = (value[:, 3] != 0.0) | (value[:, 4] != 0.0) | (value[:, 5] != 0.0)
+            if not moves.all():
+                r, value = r[moves], value[moves]
+            events.append((r, SAMPLE + k, value))
     if not events:
         return events
     if (r := rows.get("gps0")) is not None:

@@ -80,12 +80,15 @@ class Ordering:
         if t.min() >= self._newest_us - self._horizon_us:
             return None
         order = np.argsort(np.concatenate([r["seq"] for r in incoming.values()]), kind="stable")
-        before = np.empty(len(t), np.int64)
-        before[order[0]] = newest
-        before[order[1:]] = np.maximum(np.maximum.accumulate(t[order[:-1]]), newest)
-        late = t < before - self._horizon_us
-        if not late.any():
+        arrived = t[order]
+        before = np.empty_like(arrived)
+        before[0] = newest
+        np.maximum(np.maximum.accumulate(arrived[:-1]), newest, out=before[1:])
+        behind = arrived < before - self._horizon_us
+        if not behind.any():
             return None
+        late = np.empty(len(t), np.bool_)
+        late[order] = behind
         edges = np.cumsum([len(r) for r in incoming.values()])[:-1]
         return dict(zip(incoming, np.split(late, edges), strict=True))
 
@@ -94,19 +97,22 @@ class Ordering:
         for sensor, rows in self._pending.items():
             if not len(rows):
                 continue
-            ready = rows["t_us"] < until_us
-            count = int(np.count_nonzero(ready))
-            if count:
-                released = rows if count == len(rows) else rows[ready]
-                if (np.diff(released["t_us"]) < 0).any():
-                    released = released[np.lexsort((released["seq"], released["t_us"]))]
+            released, rest = _split(rows, until_us)
+            if len(released):
                 out[sensor] = released
-            if count < len(rows):
-                rest = rows[~ready] if count else rows
-                if len(rest) > self._bound:
-                    self.rejected[sensor, Rejection.OVERFLOW] += len(rest) - self._bound
-                    rest = rest[-self._bound :]
-                self._pending[sensor] = rest
-            else:
-                self._pending[sensor] = rows[:0]
+            if len(rest) > self._bound:
+                self.rejected[sensor, Rejection.OVERFLOW] += len(rest) - self._bound
+                rest = rest[-self._bound :]
+            self._pending[sensor] = rest
         return out
+
+
+def _split(rows: Rows, until_us: int) -> tuple[Rows, Rows]:
+    """Rows before a time, in order; the others as they came, in memory of their own."""
+    t_us = np.ascontiguousarray(rows["t_us"])
+    if (t_us[1:] >= t_us[:-1]).all():
+        count = int(np.searchsorted(t_us, until_us))
+        return rows[:count], rows[count:].copy()
+    ready = t_us < until_us
+    released = rows[ready]
+    return released[np.lexsort((released["seq"], released["t_us"]))], rows[~ready]

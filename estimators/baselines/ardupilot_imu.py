@@ -149,13 +149,14 @@ def run_lanes(
 ) -> int:
     """Advance over events; return how many rows of ``out`` were written (see ``step``)."""
     c[SAID] = 0.0
+    R = np.empty((3, 3))
     for i in range(len(t_us)):
         t, k, v = float(t_us[i]), kind[i], value[i]
         if k < FIX:
             if c[IS_ARMED] < 0.5:
                 _compare(c, lanes, t, k, v, out)
             if k < LANES:
-                _inertial(c, lanes[k], P[k], t, v)
+                _inertial(lanes[k], P[k], R, t, v)
                 if k == int(c[PRIMARY]) and c[IS_ARMED] > 0.5:
                     _choose(c, lanes, t, out)
             lanes[k, LAST_T] = t
@@ -251,8 +252,8 @@ def _turn(s: Array, a: float, b: float, c: float, sign: float) -> None:
 
 
 @kernel
-def _inertial(c: Array, s: Array, P: Array, t: float, u: Array) -> None:
-    """Carry a lane forward by one IMU sample: q, v, p, and P every COVARIANCE_S."""
+def _inertial(s: Array, P: Array, R: Array, t: float, u: Array) -> None:
+    """Carry a lane forward by one IMU sample: q, v, p, and P every COVARIANCE_S; R is room."""
     dt = (t - s[LAST_T]) * 1e-6
     if s[READY] < 0.5 or not dt > 0.0:
         return
@@ -260,7 +261,6 @@ def _inertial(c: Array, s: Array, P: Array, t: float, u: Array) -> None:
         s[READY] = 0.0
         return
     _turn(s, dt * (u[0] - s[BG]), dt * (u[1] - s[BG + 1]), dt * (u[2] - s[BG + 2]), 1.0)
-    R = np.empty((3, 3))
     _rotation(s, R)
     for j in range(3):
         f = 0.0

@@ -274,9 +274,9 @@ STEP_MAX_S = 0.1
 PRESENT_US = 1_000_000
 
 IMU_T, SEEN_T = 0, 1
-GYRO_NOW, ACC_NOW = slice(2, 5), slice(5, 8)
-GYRO_D, ACC_D = slice(8, 11), slice(11, 14)
-SUMS = slice(14, 16)
+NOW, APART, SUMS = 2, 8, 14
+"""First of the sample (rates, then specific forces), of its low-passed difference from the mean,
+and of the two sums."""
 _IMU_BLOCK = 16
 
 
@@ -294,7 +294,7 @@ class PX4ImuSelector:
         Parameters
         ----------
         t_us, imu : (n,) int64
-            Time [us] and which IMU.
+            Time [us] and which IMU; other events, from IMUS on, are passed over.
         sample : (n, 6) float64 [rad/s, m/s^2]
             Rates and specific forces.
 
@@ -319,10 +319,14 @@ def compare_imus(
 ) -> int:
     """Advance over samples; return how many rows of ``out`` were written (see ``step``)."""
     count = 0
+    means = np.empty(6)
     for i in range(len(t_us)):
         t, k = float(t_us[i]), imu[i]
+        if k >= IMUS:
+            continue
         imus[k, SEEN_T] = t
-        imus[k, 2:8] = sample[i]
+        for c in range(6):
+            imus[k, NOW + c] = sample[i, c]
         lead, n = -1, 0
         for j in range(IMUS):
             if t - imus[j, SEEN_T] < PRESENT_US:
@@ -331,34 +335,32 @@ def compare_imus(
                     lead = j
         if k != lead or n < 2:
             continue
-        for c in range(3):
-            gyro = acc = 0.0
+        for c in range(6):
+            mean = 0.0
             for j in range(IMUS):
                 if t - imus[j, SEEN_T] < PRESENT_US:
-                    gyro += imus[j, GYRO_NOW][c] / n
-                    acc += imus[j, ACC_NOW][c] / n
-            for j in range(IMUS):
-                if t - imus[j, SEEN_T] < PRESENT_US:
-                    dt = min(max((t - imus[j, IMU_T]) * 1e-6, 0.0), STEP_MAX_S)
-                    keep = exp(-dt / LOW_PASS_S)
-                    d, e = imus[j, GYRO_D], imus[j, ACC_D]
-                    d[c] = keep * d[c] + (1.0 - keep) * (imus[j, GYRO_NOW][c] - gyro)
-                    e[c] = keep * e[c] + (1.0 - keep) * (imus[j, ACC_NOW][c] - acc)
+                    mean += imus[j, NOW + c] / n
+            means[c] = mean
         for j in range(IMUS):
             if t - imus[j, SEEN_T] < PRESENT_US:
                 dt = min(max((t - imus[j, IMU_T]) * 1e-6, 0.0), STEP_MAX_S)
                 imus[j, IMU_T] = t
-                d, e, sums = imus[j, GYRO_D], imus[j, ACC_D], imus[j, SUMS]
-                size = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-                sums[0] = max(sums[0] + (size - RATE[0]) * dt, 0.0)
-                size = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-                sums[1] = max(sums[1] + (size - RATE[1]) * dt, 0.0)
+                keep = exp(-dt / LOW_PASS_S)
+                for c in range(6):
+                    d = keep * imus[j, APART + c] + (1.0 - keep) * (imus[j, NOW + c] - means[c])
+                    imus[j, APART + c] = d
+                for c in range(2):
+                    at = APART + 3 * c
+                    x, y, z = imus[j, at], imus[j, at + 1], imus[j, at + 2]
+                    size = sqrt(x * x + y * y + z * z)
+                    imus[j, SUMS + c] = max(imus[j, SUMS + c] + (size - RATE[c]) * dt, 0.0)
         for c in range(2):
             worst = lead
             for j in range(IMUS):
-                if t - imus[j, SEEN_T] < PRESENT_US and imus[j, SUMS][c] > imus[worst, SUMS][c]:
+                present = t - imus[j, SEEN_T] < PRESENT_US
+                if present and imus[j, SUMS + c] > imus[worst, SUMS + c]:
                     worst = j
-            total = imus[worst, SUMS][c]
+            total = imus[worst, SUMS + c]
             now = -1.0
             if total > LIMIT[c]:
                 now = float(worst) if n >= 3 else float(IMUS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from functools import partial
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +22,7 @@ from monitor.commands.common import Refused, console, progress
 
 if TYPE_CHECKING:
     from monitor.commands.bench_cases import BenchCase
+    from monitor.commands.bench_cases.long_log import Flight
 
 __all__ = ["app"]
 
@@ -41,12 +42,24 @@ NAMES = {
     "engine": ("imkf_step",),
     "wing": ("mhmap_n50", "mhmap_n200"),
     "links": ("decode_tlog", "tlog_rows", "decode_live", "udp_roundtrip"),
-    "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
+    "whole": ("pipeline", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
+    "hours": ("analyze", "analyze_two_imus", "analyze_all"),
+    "memory": ("analyze_memory",),
 }
-"""Module of ``monitor.commands.bench_cases`` -> what it measures."""
+"""Module of ``monitor.commands.bench_cases`` -> what it measures; ``memory`` is in ``hours``."""
+
+TOGETHER = {"analyze": NAMES["hours"]}
+"""Names that stand for several."""
+
+ON_DEMAND = NAMES["memory"]
+"""What takes minutes and is measured only when it is asked for."""
 
 CIRCUITS_S = 100.0
 """Least time that the flight's circuits take [s]."""
+CIRCUITS_AGAIN = 4
+"""Times that the flight goes round once more for a log of hours."""
+SIXDOF_S = 400.0
+"""The same for the six-degree-of-freedom vehicle [s]."""
 
 
 @app.callback(invoke_without_command=True)
@@ -97,11 +110,12 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
     Refused
         A name that no case has, or a log that cannot be read.
     """
-    wanted = only or [name for names in NAMES.values() for name in names]
+    known = [name for names in NAMES.values() for name in names]
+    wanted = only or [name for name in known if name not in ON_DEMAND]
+    wanted = [part for name in wanted for part in TOGETHER.get(name, (name,))]
     for name in wanted:
-        if not any(name in names for names in NAMES.values()):
-            known = ", ".join(name for names in NAMES.values() for name in names)
-            raise Refused(f"nothing to measure is called {name}; known are {known}")
+        if name not in known:
+            raise Refused(f"nothing to measure is called {name}; known are {', '.join(known)}")
     cases: list[BenchCase] = []
     if set(wanted) & set(NAMES["imu"]):
         from monitor.commands.bench_cases import imu
@@ -137,6 +151,15 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
             partial(_sixdof_flight, folder, seconds) if sixdof else None,
             minutes,
         )
+    if set(wanted) & {*NAMES["hours"], *NAMES["memory"]}:
+        from monitor.commands.bench_cases import hours
+
+        some_minutes = cache(partial(_circuits, folder))
+        sixdof = find_spec("jsbsim") is not None
+        cases += hours.cases(
+            folder, some_minutes, partial(_all_watched, folder) if sixdof else None
+        )
+        cases += hours.memory_cases(folder, some_minutes)
     return [case for case in cases if case.name in wanted]
 
 
@@ -156,15 +179,36 @@ def _long_flight(folder: Path, seconds: float) -> Path:
     from monitor.commands.feed import write_log
     from sim_feeds.scenario import load
 
-    def override(table: dict[str, Any]) -> None:
-        table["imu"]["rate_hz"] = LIVE_IMU_HZ
-        flown = [leg for leg in table["leg"] if leg["do"] != "land"]
-        circuits = [leg for leg in flown if leg["do"] in ("turn", "level")]
-        table["leg"] = flown + circuits * math.ceil(seconds / CIRCUITS_S)
-
     file = folder / f"{FLIGHT}-{seconds:.0f}s.tlog"
-    write_log(load(FLIGHT, override).fly(), file)
+    write_log(load(FLIGHT, partial(_circling, math.ceil(seconds / CIRCUITS_S))).fly(), file)
     return file
+
+
+def _circling(times: int, table: dict[str, Any]) -> None:
+    """Override a scenario: IMUs at 200 Hz, its circuits flown so many times more, no landing."""
+    table["imu"]["rate_hz"] = LIVE_IMU_HZ
+    flown = [leg for leg in table["leg"] if leg["do"] != "land"]
+    circuits = [leg for leg in flown if leg["do"] in ("turn", "level")]
+    table["leg"] = flown + circuits * times
+
+
+def _circuits(folder: Path) -> Flight:
+    """Some minutes of circuits that may go on for ever."""
+    from monitor.commands.bench_cases.long_log import Flight
+    from sim_feeds.scenario import load
+
+    log = _long_flight(folder, CIRCUITS_AGAIN * CIRCUITS_S)
+    first, last = (load(FLIGHT, partial(_circling, n)).duration_s for n in (0, CIRCUITS_AGAIN))
+    return Flight(log, last - first)
+
+
+def _all_watched(folder: Path) -> tuple[Flight, Path]:
+    """The Aerosonde, which goes on as it flew, and the settings that know it."""
+    from monitor.commands.bench_cases.long_log import Flight
+    from monitor.commands.bench_cases.whole import known_aircraft
+
+    log = _sixdof_flight(folder, SIXDOF_S)
+    return Flight(log, SIXDOF_S), known_aircraft(log)
 
 
 def _sixdof_flight(folder: Path, seconds: float) -> Path:
@@ -247,6 +291,9 @@ def _show(document: dict[str, Any]) -> None:
             ", ".join(f"{peer} {ratio:.3g}" for peer, ratio in result["peers"].items()),
         )
     console().print(table)
+    for result in document["results"]:
+        if "note" in result:
+            print(f"{result['name']}: {result['note']}")
     if document["missing"]:
         print("not installed, so not compared: " + ", ".join(document["missing"]))
 

@@ -4,13 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_data_3d_state import AirParams, AirState
-from estimators.air_horizon import (
-    N_EXPLANATIONS,
-    HorizonLevels,
-    new_long_horizon,
-    solve_explanation,
-)
+from estimators.air_horizon import HorizonLevels, new_long_horizon
 from estimators.air_horizon_judge import conclude, take
+from estimators.air_horizon_solve import solve_explanations
 from estimators.air_horizon_stage import G_ACTIVE, G_COUNT, StageLevels
 from monitor.settings.air import AirSettings
 from monitor.watch.air_horizon_peaks import HorizonPeaks
@@ -40,7 +36,6 @@ def horizon_levels(air: AirSettings) -> HorizonLevels:
     return HorizonLevels(
         iterations=s.iterations,
         kappa=KAPPA,
-        n_free=1,
         n_kappa=N_KAPPA,
         n_qp=N_QP,
         gust_tau_s=s.gust_tau_s,
@@ -76,8 +71,6 @@ class Horizon:
         explanations = take(stages, z, levels, state.judge)
         if explanations == 0:
             return 0
-        for h in range(N_EXPLANATIONS):
-            if explanations >> h & 1:
-                solve_explanation(z, levels, h)
+        solve_explanations(z, levels, explanations)
         self.reached.note(z, levels, int(stages.memory[G_ACTIVE]))
         return int(conclude(stages, z, levels, state.bank, state.judge, params.limits, log))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from estimators import air_data_3d as air
 from estimators import air_data_3d_bank as bank_module
+from estimators import air_data_3d_lanes as lanes
 from estimators.air_data_3d_bank import (
     WIND_CHANGED,
     WindBounds,
@@ -124,12 +125,18 @@ def started_bank(seed: int = 0):
     return bank, V, e_y, y
 
 
+def hypothesis(bank, g: int, h: int) -> tuple[np.ndarray, np.ndarray]:
+    """State and covariance of hypothesis h of a generation."""
+    half = np.triu(bank.hP[h, :, :, g])
+    return bank.hx[h, :, g].copy(), half + np.triu(half, 1).T
+
+
 def test_bank_step_runs_every_filter_as_its_twin() -> None:
     bank, V, e_y, y = started_bank()
     spawn(bank, 0.0, 0b011, 1.0, 6.0, 150.0)
     q, phi, R_lat, R_common, R_own = np.full(10, 1e-4), 0.96, 1.5, 2e-3, 5e-4
     filters = {None: (bank.x.copy(), bank.P.copy())}
-    filters |= {h: (bank.hx[0, h].copy(), bank.hP[0, h].copy()) for h in range(4)}
+    filters |= {h: hypothesis(bank, 0, h) for h in range(4)}
     log_likelihood = {}
     for h, (x, P) in filters.items():
         x, P = twin.predict(x, P, phi, q)
@@ -150,10 +157,32 @@ def test_bank_step_runs_every_filter_as_its_twin() -> None:
     bank_step(bank, 0.2, phi, q, 3e-4, V, e_y, R_lat, y, 0b011, 0.0, R_common, R_own, NO_GATE)
     np.testing.assert_allclose(bank.x, filters[None][0], rtol=1e-6, atol=1e-7)
     for h in range(4):
-        np.testing.assert_allclose(bank.hx[0, h], filters[h][0], rtol=1e-6, atol=1e-7)
-        np.testing.assert_allclose(bank.hP[0, h], filters[h][1], atol=1e-6)
+        x, P = hypothesis(bank, 0, h)
+        np.testing.assert_allclose(x, filters[h][0], rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(P, filters[h][1], atol=1e-6)
         assert bank.L[0, h] == pytest.approx(log_likelihood[h] - log_likelihood[None], abs=1e-6)
     assert (bank.L[0, 4:] == -np.inf).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 7), st.sampled_from([NO_GATE, 0.5]))
+@settings(max_examples=20, deadline=None)
+def test_every_lane_is_the_filter_alone_to_the_last_bit(seed: int, use: int, gate: float) -> None:
+    rng = np.random.default_rng(seed)
+    alone = [problem(int(rng.integers(1000)))[:2] for _ in range(lanes.LANES)]
+    x = np.stack([a[0] for a in alone], axis=-1)
+    P = np.stack([np.triu(a[1]) for a in alone], axis=-1)
+    *_, V, e_y, y = problem(seed % 1000)
+    room, q = lanes.new_lanes(), rng.uniform(0.0, 1e-3, 10)
+    lanes.predict_lanes(x, P, 0.96, q)
+    lanes.lateral_lanes(room, x, P, V, e_y, 1.5, gate)
+    lateral = room.ln.copy()
+    lanes.pitot_lanes(room, x, P, V, y, use, -0.05, 2e-3, 5e-4, gate)
+    for g, (x_g, P_g) in enumerate(alone):
+        air.predict(x_g, P_g, 0.96, q)
+        assert lateral[g] == air.lateral_update(x_g, P_g, V, e_y, 1.5, gate)
+        assert room.ln[g] == air.pitot_update(x_g, P_g, V, y, use, -0.05, 2e-3, 5e-4, gate)
+        np.testing.assert_array_equal(x[:, g], x_g)
+        np.testing.assert_array_equal(P[:, :, g], np.triu(P_g))
 
 
 def test_generations_stay_spaced_logarithmically_and_reach_back() -> None:
@@ -188,13 +217,13 @@ def test_explanations_beyond_the_wind_bound_do_not_compete() -> None:
     bank, *_ = started_bank()
     spawn(bank, 0.0, 0b1, 1.0, 6.0, 150.0)
     bank.L[0, :2] = 50.0, 10.0
-    x, start = bank.hx[0, WIND_CHANGED], bank.ref_wind[0].copy()
+    x, start = bank.hx[WIND_CHANGED, :, 0], bank.ref_wind[0].copy()
     bounds = WindBounds(horizontal_m_s=30.0, vertical_m_s=8.0, change_m_s=10.0, base_s=20.0)
 
     def competes(t: float, wind: np.ndarray, down: float = 0.0) -> bool:
         x[:2], x[2] = wind, down
         bank.ref_wind[0] = start
-        bank.hx[0, 1, :3] = *start, 0.0
+        bank.hx[1, :3, 0] = *start, 0.0
         top, where = np.empty(8), np.empty(8, np.int64)
         bank_module.survey(bank, bounds, t, top, where)
         assert top[1] == 10.0
@@ -243,7 +272,7 @@ def verdict_of(
     spawn(bank, 0.0, active, 1.0, 6.0, 150.0)
     bank.L[0, : len(L)] = L
     for h, shift in shifts.items():
-        bank.hx[0, h, 6 : 6 + len(shift)] = bank.ref[0, : len(shift)] + shift
+        bank.hx[h, 6 : 6 + len(shift), 0] = bank.ref[0, : len(shift)] + shift
     top, where = np.empty(8), np.empty(8, np.int64)
     bank_module.survey(bank, LIMITS.wind, 1.0, top, where)
     return convicted(t, LIMITS, bank, top, where, active, fitted or active, gust)
@@ -287,7 +316,7 @@ def test_adopting_a_shift_rolls_back_the_wind_and_the_scale() -> None:
     before = bank.x.copy()
     spawn(bank, 0.0, 0b11, 1.0, 6.0, 150.0)
     bank.x[:3] += 5.0  # what a fault has done to the master since
-    bank.hx[0, 1, 6] -= 0.4  # while the explanation followed the shift
+    bank.hx[1, 6, 0] -= 0.4  # while the explanation followed the shift
     adopt(bank, 0, 1)
     np.testing.assert_allclose(bank.x, before)
     assert bank.P[6, 6] == bank.ref_var[0, 0]

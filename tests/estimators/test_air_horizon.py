@@ -14,10 +14,10 @@ from estimators.air_horizon import (
     LongHorizon,
     new_long_horizon,
     push_stage,
-    solve_explanation,
     start_horizon,
 )
 from estimators.air_horizon_judge import turned
+from estimators.air_horizon_solve import solve_explanations
 from estimators.air_horizon_stage import (
     N_STAGE,
     Z_AIR,
@@ -33,14 +33,12 @@ from estimators.air_horizon_stage import (
     close,
 )
 from estimators.baselines import numpy_twins_horizon as twin
-from estimators.mhe import SOLVED
 
 LN_SIGMA = -0.05
 STAGE = StageLevels(3.0, 2, timing_s=0.08, lateral_m_s=0.2, common=0.005, own=0.003)
 LEVELS = HorizonLevels(
     iterations=1,
     kappa=0.1,
-    n_free=1,
     n_kappa=3,
     n_qp=4,
     gust_tau_s=10.0,
@@ -204,7 +202,7 @@ def test_a_free_window_is_the_dense_least_squares_solution(h: int) -> None:
     z = window(rows, UNBOUNDED)
     x_lin = z.x[h].copy()
     _, _, (x, P, L) = dense(z, rows, UNBOUNDED, h, x_lin)
-    assert solve_explanation(z, UNBOUNDED, h) == SOLVED
+    assert solve_explanations(z, UNBOUNDED, 1 << h)
     np.testing.assert_allclose(z.x[h].ravel(), x, atol=1e-7)
     np.testing.assert_allclose(z.end_P[h], P[-NH:, -NH:], atol=1e-9)
     assert z.L[h] == pytest.approx(L, abs=1e-6)
@@ -214,8 +212,7 @@ def test_the_log_likelihood_tells_a_drift_from_a_wind() -> None:
     rows, _ = fly(20, k_rate=1e-3)
     z = window(rows, LEVELS)
     for _ in range(2):
-        for h in (0, 1, 2, 3, WIND_WALKED):
-            solve_explanation(z, LEVELS, h)
+        solve_explanations(z, LEVELS, 0b1111 | 1 << WIND_WALKED)
     assert z.L.argmax() == 1
     assert z.x[1, -1, K] - z.x[1, 0, K] == pytest.approx(1e-3 * 57.0, abs=0.015)
 
@@ -226,7 +223,7 @@ def test_relinearising_converges_where_the_first_guess_was_poor() -> None:
     moves = []
     for _ in range(4):
         before = z.x[0].copy()
-        solve_explanation(z, UNBOUNDED, 0)
+        solve_explanations(z, UNBOUNDED, 1)
         moves.append(np.abs(z.x[0] - before).max())
     assert moves[1] < 0.1
     assert moves[3] < 1e-4
@@ -237,7 +234,7 @@ def test_a_wind_that_has_changed_lately_walks_only_lately() -> None:
     rows, _ = fly(20)
     z = window(rows, UNBOUNDED)
     lately = WIND_WALKED + len(CHANGED_S) - 1
-    solve_explanation(z, UNBOUNDED, lately)
+    solve_explanations(z, UNBOUNDED, 1 << lately)
     std = z.B[:19, 0, 0]
     recent = np.array([row[Z_T] for row in rows[1:]]) > rows[-1][Z_T] - CHANGED_S[-1]
     assert recent.sum() == 14
@@ -252,9 +249,9 @@ def test_bounds_hold_and_the_bounded_cost_is_counted() -> None:
     rows, _ = fly(20)
     z = window(rows, TIGHT)
     free = window(rows, UNBOUNDED)
-    solve_explanation(free, UNBOUNDED, 0)
+    solve_explanations(free, UNBOUNDED, 1)
     assert free.x[0, -1, 0] > 3.5
-    assert solve_explanation(z, TIGHT, 0) == SOLVED
+    assert solve_explanations(z, TIGHT, 1)
     assert np.abs(z.x[0, :, :2]).max() < 3.2
     assert z.L[0] < free.L[0] - 1.0
 
@@ -269,9 +266,9 @@ def test_the_change_of_the_wind_is_bounded_from_the_arrival() -> None:
     start_horizon(z, x, P)
     for row in rows:
         push_stage(z, levels, row)
-    solve_explanation(z, UNBOUNDED, WIND_WALKED)
+    solve_explanations(z, UNBOUNDED, 1 << WIND_WALKED)
     assert z.x[WIND_WALKED, -1, 0] > 5.0
-    solve_explanation(z, levels, WIND_WALKED)
+    solve_explanations(z, levels, 1 << WIND_WALKED)
     assert z.x[WIND_WALKED, :, 0].max() < 3.0 + 0.5 + 3.0 * 0.1
 
 
@@ -300,7 +297,7 @@ def test_the_bounded_window_is_an_independent_solvers() -> None:
         ubx=bound / scale,
     )
     want = np.array(solved["x"]).ravel() * scale
-    assert solve_explanation(z, TIGHT, 0) == SOLVED
+    assert solve_explanations(z, TIGHT, 1)
     got = z.x[0].ravel()[keep]
     sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
     assert (np.abs(got - want) / sigma).max() < 0.05
@@ -316,9 +313,9 @@ def test_the_arrival_counts_every_stage_once() -> None:
         row[Z_M : Z_M + 3] = 0.0  # a linear measurement: the closed form is exact
     z = window(rows[:8], UNBOUNDED, N=8)
     for row in rows[8:]:
-        solve_explanation(z, UNBOUNDED, 0)
+        solve_explanations(z, UNBOUNDED, 1)
         push_stage(z, UNBOUNDED, row)
-    solve_explanation(z, UNBOUNDED, 0)
+    solve_explanations(z, UNBOUNDED, 1)
     long = window(rows, UNBOUNDED, N=33)
     _, _, (x, P, _) = dense(long, rows, UNBOUNDED, 0, long.x[0])
     assert z.memory[H_STAGES] == 8
@@ -345,7 +342,7 @@ def test_what_is_not_a_number_is_reported_and_competes_no_more() -> None:
     rows, _ = fly(10)
     rows[4][Z_AIR] = np.nan
     z = window(rows, LEVELS)
-    assert solve_explanation(z, LEVELS, 0) != SOLVED
+    assert not solve_explanations(z, LEVELS, 1)
     assert z.L[0] == -np.inf
 
 

@@ -1,10 +1,9 @@
-"""The program as a whole: pipeline and analysis against real time, start, live latency."""
+"""The program as a whole: the pipeline against real time, start, live latency."""
 
 from __future__ import annotations
 
 import socket
 import statistics
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -13,7 +12,6 @@ from pathlib import Path
 from links.logs import read_tlog
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
-from monitor.analyze import Analysis, analyze_into
 from monitor.commands.bench_cases import BenchCase, Measured
 from monitor.commands.daemon_process import DaemonProcess, free_port
 from monitor.learn.engine import learn_engine, measure_engine
@@ -23,7 +21,7 @@ from monitor.recorder import whole_frames
 from monitor.settings import load
 from monitor.warmup import warm_up
 
-__all__ = ["cases"]
+__all__ = ["cases", "known_aircraft"]
 
 REPEATS = 3
 IN_FLIGHT_S = 60.0
@@ -57,12 +55,6 @@ def cases(
             unit="times real time",
             value=lambda: _pipeline(log),
             note="decoded samples of a whole flight to verdicts",
-        ),
-        BenchCase(
-            "analyze",
-            unit="times real time",
-            value=lambda: _analyze(log),
-            note="a telemetry log to its files, decoding and estimates included",
         ),
         BenchCase(
             "start_to_verdict_s",
@@ -104,18 +96,6 @@ def _pipeline(log: Path) -> Measured:
     return _against(flight_s, [_timed(once) for _ in range(REPEATS)])
 
 
-def _analyze(log: Path) -> Measured:
-    settings = load()
-    warm_up(settings)
-    with tempfile.TemporaryDirectory(prefix="mavsentry-bench-") as folder:
-
-        def once() -> Analysis:
-            return analyze_into(Path(folder), log, settings)
-
-        flight_s = float(once().summary["log"]["duration_s"])
-        return _against(flight_s, [_timed(once) for _ in range(REPEATS)])
-
-
 def _against(flight_s: float, taken_s: list[float]) -> Measured:
     median_s = statistics.median(taken_s)
     return Measured(
@@ -144,12 +124,17 @@ def _start_to_verdict(log: Path) -> Measured:
 
 
 def _latency_of_all(log: Path, minutes: float) -> Measured:
-    """Latency with the airframe known, and the engine learnt from this very flight."""
+    """Latency with airframe and engine known."""
+    return _latency(log, minutes, ("--config", str(known_aircraft(log))))
+
+
+def known_aircraft(log: Path) -> Path:
+    """Configuration with the Aerosonde's airframe, and the engine learnt from this very flight."""
     engine = learn_engine([measure_engine(log, load())], load())
     config = log.with_suffix(".toml")
     carried = {"wing": {"airframe": "aerosonde"}}
     config.write_text(engine_document(engine, carried), encoding="utf-8")
-    return _latency(log, minutes, ("--config", str(config)))
+    return config
 
 
 def _latency(log: Path, minutes: float, arguments: tuple[str, ...] = ()) -> Measured:
