@@ -85,7 +85,7 @@ def predict_lanes(x: Array, P: Array, phi: float, q: Array) -> None:
         for g in range(lanes):
             x[i, g] *= phi
     for i in range(_GUST1):
-        for j in range(max(i, _GUST0), NX):
+        for j in range(max(i, _GUST0), _GUST1 if i < _GUST0 else NX):
             for g in range(lanes):
                 P[i, j, g] *= phi
             if i >= _GUST0 and j < _GUST1:
