@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from monitor.fleet.dataset import Results, Tables, known_logs, merged, save
-from monitor.fleet.engine import Engine
+from monitor.fleet.engine import Died, Engine
 from monitor.fleet.outcome import Outcome, Status, failed
 from monitor.fleet.page import write_page
 from monitor.fleet.places import Place
@@ -113,12 +113,11 @@ def judge_all(
 
 def said(error: BaseException | None) -> str:
     """Why a task failed, in one sentence."""
-    kind = type(error).__name__
-    if kind == "KilledWorker":
-        return "every worker that took it died: killed, or out of memory"
+    if isinstance(error, Died):
+        return "every worker that took it died: out of memory, or a crash"
     if isinstance(error, TooSlow):
         return str(error)
     if isinstance(error, OSError):
         return f"cannot read or write: {error.strerror or error}"
-    text = (str(error).splitlines() or [""])[0]
+    kind, text = type(error).__name__, (str(error).splitlines() or [""])[0]
     return f"{kind}: {text}" if text else kind
