@@ -202,16 +202,19 @@ def alone(name: str) -> Iterator[None]:
 
 
 @contextmanager
-def local_cluster(workers: int | None) -> Iterator[Cluster]:
+def local_cluster(workers: int | None, tasks: int | None = None) -> Iterator[Cluster]:
     """Processes of this computer, listening on the loopback only.
 
     Parameters
     ----------
     workers
         How many; None takes one for each core that memory is there for.
+    tasks
+        No more workers than tasks.
     """
     memory = int(MEMORY_SHARE * MEMORY_LIMIT)
-    workers = workers or max(min(dask.system.CPU_COUNT, memory // WORKER_BYTES), 1)
+    workers = workers or min(dask.system.CPU_COUNT, memory // WORKER_BYTES)
+    workers = max(min(workers, tasks or workers), 1)
     with (
         dask.config.set(_CONFIGURATION),
         distributed.LocalCluster(

@@ -113,7 +113,9 @@ def _tried(function: Callable[[Item], Result], item: Item, retries: int) -> Ende
 
 
 @contextmanager
-def open_engine(workers: int | None = None, scheduler: str | None = None) -> Iterator[Engine]:
+def open_engine(
+    workers: int | None = None, scheduler: str | None = None, *, tasks: int | None = None
+) -> Iterator[Engine]:
     """Workers to run tasks on, let go afterwards.
 
     Parameters
@@ -123,6 +125,8 @@ def open_engine(workers: int | None = None, scheduler: str | None = None) -> Ite
         memory is there for; 0 is this process itself, and needs no Dask.
     scheduler
         Address of a Dask scheduler that stands, such as ``tcp://host:8786``; its workers are used.
+    tasks
+        How many there will be, if that is known: no more processes than that are started.
 
     Raises
     ------
@@ -136,5 +140,6 @@ def open_engine(workers: int | None = None, scheduler: str | None = None) -> Ite
         from monitor.fleet.cluster import local_cluster, standing_cluster
     except ModuleNotFoundError as error:
         raise EngineError(f"this needs Dask ({error}): pip install 'mavsentry[fleet]'") from None
-    with local_cluster(workers) if scheduler is None else standing_cluster(scheduler) as engine:
+    local = scheduler is None
+    with local_cluster(workers, tasks) if local else standing_cluster(str(scheduler)) as engine:
         yield engine
