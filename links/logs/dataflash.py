@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo, read_chunks
 from links.logs.dataflash_format import Table, first_format
 from links.logs.dataflash_parser import DataflashParser
 from links.logs.records import RecordRows, Records
+from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
@@ -137,6 +139,7 @@ class DataflashReader:
             if part.format.name == "GPS" and self.info.start_unix_us is None:
                 self._date(part, _stamps(part))
         batch = rows.feed(records, self._rejected(parser))
+        batch = replace(batch, words=record_words(rows.timed))
         info = self.info
         info.messages, info.bad_bytes = parser.records, parser.bad_bytes
         info.first_t_us = rows.first_t_us or 0

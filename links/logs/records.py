@@ -174,6 +174,8 @@ class RecordRows:
         The vehicle's clock, to read.
     first_t_us
         Vehicle time of the first record with one [us]; None before it.
+    timed
+        Records of the last chunk and their times.
     sensors
         What is chosen of all sources, and which message was used how often.
     """
@@ -206,6 +208,7 @@ class RecordRows:
         self._newest = Newest()
         self.clock = VehicleClock()
         self.first_t_us: int | None = None
+        self.timed: list[tuple[Records, ClockResult]] = []
         self.sensors = SensorRows(timeout_us, settle_us)
 
     @property
@@ -228,7 +231,8 @@ class RecordRows:
         self._begin(records)
         offers: dict[str, list[Candidate]] = {}
         before = self.clock.reboots
-        for part, times in zip(records, self._times(records), strict=True):
+        self.timed = list(zip(records, self._times(records), strict=True))
+        for part, times in self.timed:
             for rank, order, source in self._table.get(part.message, ()):
                 for sensor, at, rows in self._offers(source, part, times, rejected):
                     candidate = Candidate(rank, order, source, part.place[at], rows)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from links.clock import UNIX_FROM_US
 from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo, read_chunks
 from links.logs.records import RecordRows, Records
 from links.logs.ulog_format import MAGIC, START, Block, Note, Topic, TopicRows, UlogParser
+from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
 
@@ -38,7 +40,7 @@ _TEXT = frozenset({"key"})
 
 _NONE = np.empty(0, np.int64)
 _PARAMETER = np.dtype([("name", "S16"), ("value", "<f8")])
-_LOGGED = np.dtype([("severity", "<i4"), ("text", "S50")])
+_LOGGED = np.dtype([("severity", "<i4"), ("text", "S128")])
 
 
 def columns_of(payload: Rows) -> Rows:
@@ -168,6 +170,7 @@ class UlogReader:
         if len(stamp):
             self._newest_us = int(stamp[-1])
         batch = rows.feed(records, Counter(block.rejected))
+        batch = replace(batch, words=record_words(rows.timed))
         info = self.info
         info.bytes_read, info.bad_bytes = parser.bytes, parser.bad_bytes
         info.messages = parser.messages
