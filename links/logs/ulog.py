@@ -161,6 +161,7 @@ class UlogReader:
 
     # ------------------------------------------------------------------ blocks
 
+    @np.errstate(all="ignore")  # what a log holds may be no number at all
     def _use(self, block: Block, parser: UlogParser, rows: RecordRows) -> Batch:
         records = [r for part in block.data if (r := self._records(part, block)) is not None]
         place = np.concatenate([_NONE, *(r.place for r in records)])
@@ -256,7 +257,7 @@ class UlogReader:
                     message,
                     np.array([value for _, _, value in lines], dtype),
                     np.array([order for order, _, _ in lines], np.int64),
-                    np.array([s if s < 1 << 62 else 0 for _, s, _ in lines], np.int64),
+                    np.array([min(s, UNIX_FROM_US) for _, s, _ in lines], np.int64),
                 )
 
 
@@ -265,13 +266,13 @@ def _stamps(topic: Topic, columns: Rows) -> NDArray[np.int64]:
     names = columns.dtype.names or ()
     if "timestamp" not in names or columns.dtype["timestamp"] != np.dtype("<u8"):
         return np.zeros(len(columns), np.int64)
-    published = np.where(columns["timestamp"] < 1 << 62, columns["timestamp"], 0).astype(np.int64)
+    published: NDArray[np.int64] = np.minimum(columns["timestamp"], UNIX_FROM_US).astype(np.int64)
     sampled = "timestamp_sample"
     if topic.name in table.RECEIVED or sampled not in names:
         return published
     if columns.dtype[sampled] != np.dtype("<u8"):
         return published
-    taken = np.where(columns[sampled] < 1 << 62, columns[sampled], 0).astype(np.int64)
+    taken: NDArray[np.int64] = np.minimum(columns[sampled], UNIX_FROM_US).astype(np.int64)
     fresh = (taken > 0) & (taken <= published) & (published - taken < _MAX_AGE_US)
     return np.where(fresh, taken, published)
 
