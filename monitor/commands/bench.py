@@ -42,6 +42,7 @@ NAMES = {
     "wing": ("mhmap_n50", "mhmap_n200"),
     "links": ("decode_tlog", "tlog_rows", "decode_live", "udp_roundtrip"),
     "whole": ("pipeline", "analyze", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
+    "fleet": ("fleet_speedup",),
 }
 """Module of ``monitor.commands.bench_cases`` -> what it measures."""
 
@@ -126,6 +127,10 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import links
 
         cases += links.cases(log, folder)
+    if set(wanted) & set(NAMES["fleet"]):
+        from monitor.commands.bench_cases import fleet
+
+        cases += fleet.cases(log)
     if set(wanted) & set(NAMES["whole"]):
         from monitor.commands.bench_cases import whole
 
