@@ -22,7 +22,7 @@ __all__ = ["NAMES", "SILENT_US", "Episode", "Overheard"]
 
 Ints = NDArray[np.int64]
 
-SILENT_US: Final = 5_000_000
+SILENT_US: Final = 10_000_000
 """No word for this long: the monitor, or its link to the log, was silent [us]."""
 
 LISTED: Final = 2_000
