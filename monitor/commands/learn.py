@@ -74,9 +74,10 @@ def thresholds(
     """
     from links.logs import LogError
     from monitor.fleet.engine import Died, EngineError, open_engine
+    from monitor.fleet.probe import check_same_code
     from monitor.fleet.sources import SourceError
     from monitor.learn import Unfit, calibrate, document, flagged_by_the_others
-    from monitor.learn.runs import check_same_code, logs_of, measure_logs
+    from monitor.learn.runs import logs_of, measure_logs
     from monitor.settings import SettingsError, by_hand
 
     try:
@@ -91,11 +92,11 @@ def thresholds(
 
     def measure(trials: Sequence[Trial], doing: str) -> list[Flight]:
         with progress(doing) as tell:
-            return measure_logs(engine, [(sources[k], tried) for k, tried in trials], tell)
+            return measure_logs(working, [(sources[k], tried) for k, tried in trials], tell)
 
     try:
-        with open_engine(_workers(sources, jobs, scheduler), scheduler) as engine:
-            check_same_code(engine)
+        with open_engine(_workers(sources, jobs, scheduler), scheduler) as working:
+            check_same_code(working)
             calibration = calibrate(
                 measure, len(sources), settings, airframe, assert_healthy=assert_healthy
             )

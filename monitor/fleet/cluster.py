@@ -223,6 +223,8 @@ def local_cluster(workers: int | None, tasks: int | None = None) -> Iterator[Clu
             processes=True,
             host="127.0.0.1",
             dashboard_address=None,
+            # Without an address it asks for port 8787, and warns where another cluster has it.
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
             memory_limit=memory // workers,
             silence_logs=logging.CRITICAL,
         ) as cluster,

@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from links.logs import LogError
-from monitor.fleet.engine import Engine, EngineError
+from monitor.fleet.engine import Engine
 from monitor.fleet.sources import Source, expand, opened
-from monitor.fleet.task import code_version
 from monitor.learn.flights import Flight, measure_log
 from monitor.settings import Settings
 
-__all__ = ["WORTH_BYTES", "Flown", "check_same_code", "logs_of", "measure_logs"]
+__all__ = ["WORTH_BYTES", "Flown", "logs_of", "measure_logs"]
 
 WORTH_BYTES = 48_000_000
 """Less than this is done before other processes have started and loaded their kernels."""
@@ -37,22 +36,6 @@ def logs_of(patterns: Iterable[str]) -> list[Source]:
     """
     found = {s.log: s for pattern in patterns for s in expand([pattern])}
     return list(found.values())
-
-
-def check_same_code(engine: Engine) -> None:
-    """Every worker runs this mavsentry: peaks of another would not compare.
-
-    Raises
-    ------
-    monitor.fleet.engine.EngineError
-        One does not.
-    """
-    for worker, version in engine.everywhere(code_version).items():
-        if version != code_version():
-            raise EngineError(
-                f"the worker {worker} runs mavsentry {version}, this is {code_version()}: "
-                "install the same on all computers"
-            )
 
 
 def measure_logs(
