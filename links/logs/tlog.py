@@ -134,10 +134,10 @@ def tlog_columns(
     """
     decoder = ColumnDecoder(dialect, stamped=True, messages=messages)
     try:
-        data = np.fromfile(path, np.uint8)
+        with open(path, "rb", buffering=0) as file:
+            return decoder.finish_file(file)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from None
-    return decoder.finish(data)
 
 
 class TlogWriter:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.jit import kernel
+from links.memory import copy_bytes
 
 __all__ = [
     "BAD",
@@ -337,6 +338,6 @@ def gather(data: Bytes, at: Ints, length: Ints, cells: NDArray[np.uint8]) -> Non
     at, length : (m,) int64
     cells : (m, k) uint8, filled
     """
+    width = cells.shape[1]
     for i in range(len(at)):
-        for k in range(min(length[i], cells.shape[1])):
-            cells[i, k] = data[at[i] + k]
+        copy_bytes(data, at[i], cells, i * width, min(length[i], width))

@@ -39,13 +39,13 @@ from links.logs.tlog import tlog_columns
 from links.samples import Batch
 from monitor.analyze import analyze_log
 from monitor.settings import load
+from sim_feeds.dataflash import ardupilot_log
 from sim_feeds.player import frames_of, unix_us
 from sim_feeds.scenario import Flight
 from sim_feeds.scenario import load as load_scenario
+from sim_feeds.ulog import dropout, logged, parameter, px4_log
 
-from .dataflash_flight import ardupilot_log
 from .mutations import Mutation, Sound, bin_of, drawn, mutated, tlog_of, ulg_of
-from .ulog_writer import dropout, logged, parameter, px4_log
 
 READERS = {
     "tlog": (read_tlog, tlog_of),

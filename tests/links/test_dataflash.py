@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -22,9 +21,7 @@ from links.samples import Batch
 from links.vocabulary import Rejection
 from monitor.analyze import analyze_log
 from monitor.settings import Settings
-
-sys.path.insert(0, str(Path(__file__).parent))
-from dataflash_writer import DataflashWriter
+from sim_feeds.dataflash import DataflashWriter
 
 PART = 1_500_000
 """Bytes of the recorded log that the slower tests read: FMT, parameters, half a minute's flight."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,7 @@ from links.logs import read_dataflash
 from links.logs.records import Joined, RecordRows, Records, RecordSource
 from links.samples import Batch
 from links.vocabulary import Rejection
-
-sys.path.insert(0, str(Path(__file__).parent))
-from dataflash_writer import HEAD, DataflashWriter
+from sim_feeds.dataflash import HEAD, DataflashWriter
 
 S = 1_000_000
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,7 @@ from links.samples import Batch
 from monitor.analyze import analyze_log
 from monitor.settings import Settings
 from sim_feeds.scenario import load
-
-sys.path.insert(0, str(Path(__file__).parent))
-from ulog_writer import UlogWriter, dropout, logged, message, parameter, px4_log
+from sim_feeds.ulog import UlogWriter, dropout, logged, message, parameter, px4_log
 
 
 @pytest.fixture(scope="module")

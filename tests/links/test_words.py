@@ -1,6 +1,5 @@
 """What others said stands in every kind of log, dated by the vehicle's clock, and is no sensor."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,8 @@ import pytest
 from links.logs import TlogWriter, read_dataflash, read_tlog, read_ulog
 from links.mavlink import Encoder
 from links.samples import WORD, Batch
-
-sys.path.insert(0, str(Path(__file__).parent))
-from dataflash_writer import DataflashWriter
-from ulog_writer import UlogWriter, logged
+from sim_feeds.dataflash import DataflashWriter
+from sim_feeds.ulog import UlogWriter, logged
 
 UNIX_US = 1_700_000_000_000_000
 STAMP = {"time_boot_ms": 0}
