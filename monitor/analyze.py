@@ -227,6 +227,7 @@ def summarize(info: LogInfo, pipeline: Pipeline, ledger: summary.Ledger) -> dict
             "first_t_us": first_us,
             "start_unix_us": info.start_unix_us,
             "gaps": _gaps(info),
+            "notes": info.notes,
             "boots_s": [round((t_us - first_us) / 1e6, 3) for t_us in pipeline.boots],
         },
         "vehicle": {

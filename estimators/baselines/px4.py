@@ -29,7 +29,8 @@ off by default and not imitated.
 *IMU selector* (``VotedSensorsUpdate``, ``EKF2Selector``). |d_i| beyond the rate is integrated,
 never below zero, and an integral beyond the limit is a fault: of three the largest is the faulty
 one, of two it is not known which, of one there is no difference to see. With two IMUs d_i is half
-their difference.
+their difference. They are compared when each has given a sample since the last time: one of a
+sample ago beside one of now would differ by all that the aircraft shook in between.
 
 Differs: the ground velocity and the attitude are those the autopilot published. The scale that
 PX4's wind estimator keeps as a third state is left at 1: its noise of 1e-4 per sqrt(s) lets it move
@@ -277,7 +278,8 @@ IMU_T, SEEN_T = 0, 1
 GYRO_NOW, ACC_NOW = slice(2, 5), slice(5, 8)
 GYRO_D, ACC_D = slice(8, 11), slice(11, 14)
 SUMS = slice(14, 16)
-_IMU_BLOCK = 16
+NEW_SAMPLE = 16
+_IMU_BLOCK = 17
 
 
 class PX4ImuSelector:
@@ -323,14 +325,17 @@ def compare_imus(
         t, k = float(t_us[i]), imu[i]
         imus[k, SEEN_T] = t
         imus[k, 2:8] = sample[i]
-        lead, n = -1, 0
+        imus[k, NEW_SAMPLE] = 1.0
+        lead, n, every = -1, 0, True
         for j in range(IMUS):
             if t - imus[j, SEEN_T] < PRESENT_US:
                 n += 1
+                every &= imus[j, NEW_SAMPLE] > 0.5
                 if lead < 0:
                     lead = j
-        if k != lead or n < 2:
+        if not every or n < 2:
             continue
+        imus[:, NEW_SAMPLE] = 0.0
         for c in range(3):
             gyro = acc = 0.0
             for j in range(IMUS):

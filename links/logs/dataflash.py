@@ -23,6 +23,7 @@ from links.logs.records import RecordRows, Records
 from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
+from links.spool_records import dataflash_spools
 from links.vocabulary import Rejection
 
 __all__ = ["DataflashReader", "read_dataflash", "warm_up"]
@@ -55,7 +56,8 @@ class DataflashReader:
     path
         The file; it is opened when iteration starts.
     options
-        How MAVLink is read; of it the named inputs, components and time-outs hold here too.
+        How MAVLink is read; of it the rankings (by this format's own keys), engine-speed channels,
+        named inputs, components of those and time-outs hold here too.
     chunk
         Bytes read at a time; the samples do not depend on it.
 
@@ -81,9 +83,12 @@ class DataflashReader:
         named = table.named_sources(
             options.named_inputs, options.own_component, options.components.get("NAMED_VALUE_FLOAT")
         )
+        chosen = dataflash_spools(options)
+        sources = [s for s in (*table.SOURCES, *named) if not (chosen and s.quantity == "spool")]
+        sources += chosen
         rows = RecordRows(
-            [*table.SOURCES, *named],
-            table.RANKING,
+            sources,
+            options.ranked(table.RANKING, sources),
             parameters=(PARAMETER, "Name", "Value"),
             timeout_us=options.source_timeout_us,
             settle_us=options.settle_us,

@@ -17,17 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from links.catalog import MAX_INSTANCES, Fill, Source
+from links.catalog import MAX_INSTANCES
 from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
 from links.conversions import Payload
 from links.logs.base import MAX_GAPS
 from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, instances
 from links.ranking import Candidate, SensorRows
+from links.record_sources import Joined, Leader, RecordSource
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
 
-__all__ = ["Joined", "Leader", "RecordRows", "RecordSource", "Records"]
+__all__ = ["RecordRows", "Records"]
 
 Places = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -67,68 +68,6 @@ class Records:
     place: Places
     stamp_us: NDArray[np.int64]
     instance: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Leader:
-    """The instance that another message names: the estimator in use, the selected sensor.
-
-    Attributes
-    ----------
-    message, field
-        Where its number stands; instance 0 until it is told.
-    """
-
-    message: str
-    field: str
-
-
-@dataclass(frozen=True, slots=True)
-class Joined:
-    """A field of a row that another message carries: its newest record before the row's counts.
-
-    Attributes
-    ----------
-    message
-        The other message.
-    fill
-        The field, as :class:`~links.catalog.Fill` has it. Until the message came a field that is
-        required leaves the row out, uncounted; another is NaN, or 0 where it is a whole number.
-    instance
-        Column of the other message with its instance; None where it has only one, or where
-        ``Records.instance`` tells.
-    leader
-        Whose number picks the instance; None takes that of the row's own sensor.
-    add
-        Added to what the field holds already, instead of put in its place.
-    """
-
-    message: str
-    fill: Fill
-    instance: str | None = None
-    leader: Leader | None = None
-    add: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class RecordSource(Source):
-    """A line of a format's table.
-
-    Attributes
-    ----------
-    needs
-        Columns that its functions read, besides those of ``fills``.
-    joined
-        What comes from other messages.
-    """
-
-    needs: tuple[str, ...] = ()
-    joined: tuple[Joined, ...] = ()
-
-    @property
-    def columns(self) -> frozenset[str]:
-        """Columns without which the source cannot be used."""
-        return frozenset(self.needs).union(*(fill.fields for fill in self.fills))
 
 
 class Newest:
@@ -345,6 +284,8 @@ class RecordRows:
         """(sensor, indices, usable rows) that a source gives from the records of its message."""
         names = part.columns.dtype.names or ()
         if not source.columns <= set(names) or not len(part.place):
+            return
+        if source.number is not None and source.number != (part.instance or 0):
             return
         index = np.arange(len(part.place))
         if source.only is not None:

@@ -24,6 +24,7 @@ from links.logs.ulog_format import MAGIC, START, Block, Note, Topic, TopicRows, 
 from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
+from links.spool_records import ulog_spools
 
 __all__ = ["UlogReader", "columns_of", "read_ulog"]
 
@@ -88,7 +89,8 @@ class UlogReader:
     path
         The file; it is opened when iteration starts.
     options
-        How MAVLink is read; of it the named inputs and time-outs hold here too.
+        How MAVLink is read; of it the rankings (by this format's own keys), engine-speed channels,
+        named inputs and time-outs hold here too.
     chunk
         Bytes read at a time; the samples do not depend on it.
 
@@ -110,9 +112,13 @@ class UlogReader:
 
     def __iter__(self) -> Iterator[Batch]:
         info, options = self.info, self._options
+        named = table.named_sources(options.named_inputs)
+        chosen = ulog_spools(options)
+        sources = [s for s in (*table.SOURCES, *named) if not (chosen and s.quantity == "spool")]
+        sources += chosen
         rows = RecordRows(
-            [*table.SOURCES, *table.named_sources(options.named_inputs)],
-            self._ranking(),
+            sources,
+            self._ranking(options.ranked(table.RANKING, sources)),
             timeout_us=options.source_timeout_us,
             settle_us=options.settle_us,
         )
@@ -126,19 +132,25 @@ class UlogReader:
         if not parser.counts:
             raise LogError(f"{info.path} has no data of a vehicle's sensors in it")
 
-    def _ranking(self) -> dict[str, tuple[str, ...]]:
-        """The table's ranking, with topics that are logged seldom behind the others."""
+    def _ranking(self, ranking: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        """A ranking with topics that are logged seldom behind the others, unless it was chosen."""
         rates = self._rates()
-        ranking = dict(table.RANKING)
-        ranking["imu"] = tuple(
-            key for key in ranking["imu"] if rates.get(key, 0.0) >= table.IMU_LEAST_HZ
-        )
         for quantity in ("imu", "gps", "airspeed"):
             keys = ranking[quantity]
-            best = max((rates.get(key, 0.0) for key in keys), default=0.0)
-            ranking[quantity] = tuple(
-                sorted(keys, key=lambda key: 0.0 < rates.get(key, 0.0) < _SELDOM * best)
-            )
+            if keys == table.RANKING[quantity]:
+                best = max((rates.get(key, 0.0) for key in keys), default=0.0)
+                ranking[quantity] = tuple(
+                    sorted(keys, key=lambda key: 0.0 < rates.get(key, 0.0) < _SELDOM * best)
+                )
+        fast = tuple(k for k in ranking["imu"] if rates.get(k, 0.0) >= table.IMU_LEAST_HZ)
+        watched = f"imu0 is watched by {fast[0]}" if fast else "no IMU is watched"
+        self.info.notes = [
+            f"{key} was logged at {rates[key]:.2g} Hz, too seldom to watch an IMU by "
+            f"({table.IMU_LEAST_HZ:g} Hz at least): {watched}"
+            for key in ranking["imu"]
+            if 0.0 < rates.get(key, 0.0) < table.IMU_LEAST_HZ
+        ]
+        ranking["imu"] = fast
         return ranking
 
     def _rates(self) -> dict[str, float]:

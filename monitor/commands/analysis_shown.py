@@ -149,4 +149,4 @@ def _damage(log: Mapping[str, Any]) -> list[str]:
         named = ", ".join(f"{t_s:.0f} s" for t_s in boots[:NAMED])
         more = f" and {len(boots) - NAMED} more times" if len(boots) > NAMED else ""
         lines.append(f"the vehicle booted anew at {named}{more}")
-    return lines
+    return [*lines, *log["notes"]]

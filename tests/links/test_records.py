@@ -12,7 +12,8 @@ import pytest
 
 from links.catalog import Fill
 from links.logs import read_dataflash
-from links.logs.records import Joined, RecordRows, Records, RecordSource
+from links.logs.records import RecordRows, Records
+from links.record_sources import Joined, RecordSource
 from links.samples import Batch
 from links.vocabulary import Rejection
 from sim_feeds.dataflash import HEAD, DataflashWriter
