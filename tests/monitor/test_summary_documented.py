@@ -1,4 +1,4 @@
-"""Every key of ``summary.json`` stands in the documentation, and nothing else does."""
+"""Every key of ``summary.json`` stands in the documentation and no other; what is shown of it."""
 
 import json
 import re
@@ -12,6 +12,7 @@ from links.mavlink import Encoder
 from links.vocabulary import State
 from monitor import summary
 from monitor.analyze import analyze_into
+from monitor.commands.analysis_shown import show
 from monitor.commands.feed import write_log
 from monitor.learn.flights import digest
 from monitor.settings import Settings
@@ -55,17 +56,17 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     log = folder / "flight.tlog"
     write_log(load(folder / "flight.toml").fly(), log)
     content = log.read_bytes()
-    last_us = int.from_bytes(content[:8], "big") + 80_000_000
+    first_us = int.from_bytes(content[:8], "big")
     vehicle, monitor = Encoder(1, 1), Encoder(1, 191)
-    said = "Airspeed sensor 1 failure. Disabling"
     with TlogWriter(folder / "end.tlog") as end:
-        end.write(vehicle.encode("STATUSTEXT", severity=3, text=said), last_us)
-        for at_us, bits in ((last_us, 1.0), (last_us + 30_000_000, 0.0)):
-            t_ms = 200_000 + (at_us - last_us) // 1000
+        for k in range(65, 96):  # the log goes on after a gap
+            at_us, t_ms = first_us + k * 1_000_000, (20 + k) * 1000
             end.write(vehicle.encode("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=t_ms), at_us)
-            for name in ("FLT_AIR", "MON_AIR"):
-                named = {"time_boot_ms": t_ms, "name": name, "value": bits}
+            for name in ("FLT_AIR", "MON_AIR") if k in (66, 95) else ():
+                named = {"time_boot_ms": t_ms, "name": name, "value": float(k == 66)}
                 end.write(monitor.encode("NAMED_VALUE_FLOAT", **named), at_us)
+        said = "Airspeed sensor 1 failure. Disabling"
+        end.write(vehicle.encode("STATUSTEXT", severity=3, text=said), at_us)
     log.write_bytes(content + (folder / "end.tlog").read_bytes())
     learnt = LearntSettings(logs=[LearntLog(name="x", sha256=digest(log), seconds=1.0)])
     settings = Settings(learnt=learnt)
@@ -103,3 +104,16 @@ def test_the_overview_has_every_key(written) -> None:
     section = PAGE.read_text(encoding="utf-8").partition("## What it writes")[2]
     overview = section.partition("###")[0]
     assert {key for key in written if f"| `{key}` |" not in overview} == {"schema"}
+
+
+def test_live_is_shown_beside_replay(written, capsys) -> None:
+    (line,) = written["live"]["faults"]
+    odd = {**line, "said": "airspeed0 FAULTY: [/b]"}
+    lines = [odd, {**line, "sensor": "aoa0", "agreement": "not heard", "live_s": None}]
+    show({**written, "live": {**written["live"], "faults": lines}}, [Path("summary.json")])
+    said = capsys.readouterr().out
+    assert "live (component 191), heard 66 to 95 s, silent 66 to 95 s:" in said
+    first, second = [r for r in said.splitlines() if r.startswith(("│ airspeed0", "│ aoa0"))][-2:]
+    assert f"before {line['live_s']:.1f} s" in first
+    assert first.rstrip("│ ").endswith("airspeed0 FAULTY: [/b]")
+    assert "not heard" in second
