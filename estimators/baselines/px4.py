@@ -29,8 +29,9 @@ off by default and not imitated.
 *IMU selector* (``VotedSensorsUpdate``, ``EKF2Selector``). |d_i| beyond the rate is integrated,
 never below zero, and an integral beyond the limit is a fault: of three the largest is the faulty
 one, of two it is not known which, of one there is no difference to see. With two IMUs d_i is half
-their difference. They are compared when each has given a sample since the last time: one of a
-sample ago beside one of now would differ by all that the aircraft shook in between.
+their difference. They are compared when each has given a sample of the same moment, within half
+the interval between samples: one of a sample ago would differ by all that the aircraft shook in
+between.
 
 Differs: the ground velocity and the attitude are those the autopilot published. The scale that
 PX4's wind estimator keeps as a third state is left at 1: its noise of 1e-4 per sqrt(s) lets it move
@@ -323,6 +324,10 @@ def compare_imus(
     count = 0
     for i in range(len(t_us)):
         t, k = float(t_us[i]), imu[i]
+        recent = t - 0.5 * (t - imus[k, SEEN_T])
+        for j in range(IMUS):
+            if imus[j, SEEN_T] < recent:  # of the moment before
+                imus[j, NEW_SAMPLE] = 0.0
         imus[k, SEEN_T] = t
         imus[k, 2:8] = sample[i]
         imus[k, NEW_SAMPLE] = 1.0

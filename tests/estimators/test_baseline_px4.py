@@ -122,6 +122,7 @@ def test_imus_that_shake_together_do_not_differ(order: tuple[int, int]) -> None:
     t_us = np.repeat(20_000 * np.arange(1, count + 1), 2)
     imu, sample = np.tile(order, count), np.repeat(shaken, 2, axis=0)
     assert len(PX4ImuSelector().step(t_us, imu, sample)) == 0
+    assert len(PX4ImuSelector().step(t_us[1:], imu[1:], sample[1:])) == 0
     sample[imu == 1, 5] += 4.0
     assert len(PX4ImuSelector().step(t_us, imu, sample)) == 1
 
