@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,8 @@ from links.logs import open_log
 from links.mavlink.options import DecoderOptions
 from links.samples import Batch
 from monitor.settings import load
-
-sys.path.insert(0, str(Path(__file__).parent))
-from dataflash_writer import DataflashWriter
-from ulog_writer import UlogWriter, message
+from sim_feeds.dataflash import DataflashWriter
+from sim_feeds.ulog import UlogWriter, message
 
 T_US = range(1_000_000, 4_000_000, 50_000)
 
