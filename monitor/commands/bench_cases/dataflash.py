@@ -5,7 +5,7 @@ and decodes texts only when a field is asked for; ``to_dict`` asks for all of th
 are scaled, reading the values is the work of the same kind: ``pymavlink`` is ``recv_msg`` and
 ``to_dict``, ``pymavlink_unread`` is ``recv_msg`` alone. mavparser makes a dictionary of scaled
 values of each record; of its two ways the faster is taken, which drops each before the next. None
-of the three keeps what it has read, and neither do we: the columns of a step, a mebibyte of the
+of the three keeps what it has read, and neither do we: the columns of a step, two mebibytes of the
 file, give way to those of the next.
 """
 
@@ -16,12 +16,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from links.logs.base import CHUNK
 from links.logs.dataflash import read_dataflash
 from links.logs.dataflash_parser import DataflashParser
 from monitor.commands.bench_cases import BenchCase, missing
 
 __all__ = ["cases"]
+
+STEP = 1 << 21
+"""Bytes whose columns are in memory at once."""
 
 PEER_BYTES = 2_000_000
 """A reader that makes an object of every record gets this much of the log only."""
@@ -70,7 +72,7 @@ def columns(log: Path) -> int:
     """Read every field of every record as a column of its step; return the records."""
     parser = DataflashParser()
     with log.open("rb") as file:
-        while data := file.read(CHUNK):
+        while data := file.read(STEP):
             for tables in parser.feed(data):
                 for table in tables:
                     for _ in table.columns():
