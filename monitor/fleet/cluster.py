@@ -19,6 +19,8 @@ from typing import Any, TypeVar
 import dask
 import dask.system
 import distributed
+from distributed.comm.addressing import parse_address, parse_host_port
+from distributed.comm.registry import get_backend
 from distributed.scheduler import KilledWorker
 from distributed.system import MEMORY_LIMIT
 
@@ -29,6 +31,7 @@ __all__ = ["Cluster", "alone", "local_cluster", "standing_cluster"]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+LOOPBACK = "127.0.0.1"
 AHEAD = 3
 """Tasks handed out for each worker at a time: enough that none waits, few to be called back."""
 POLL_S = 0.5
@@ -82,8 +85,17 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """Tasks that run at once."""
-        return sum(self._client.nthreads().values())
+        """Tasks that run at once.
+
+        Raises
+        ------
+        EngineError
+            The scheduler is gone.
+        """
+        try:
+            return sum(self._client.nthreads().values())
+        except OSError as error:
+            raise EngineError(f"the connection to the scheduler is lost: {_short(error)}") from None
 
     def everywhere(self, function: Callable[..., Result], *arguments: object) -> dict[str, Result]:
         """Call ``function`` once on every worker; worker's address -> result."""
@@ -179,11 +191,7 @@ class Cluster:
         """
         if self._client.status != "running":
             raise EngineError("the connection to the scheduler is lost")
-        try:
-            workers = self.workers
-        except OSError as error:
-            raise EngineError(f"the connection to the scheduler is lost: {_short(error)}") from None
-        if workers:
+        if self.workers:
             self._worked_s = time.monotonic()
         elif time.monotonic() - self._worked_s > WITHOUT_WORKERS_S:
             raise EngineError(f"no worker was left for {WITHOUT_WORKERS_S:.0f} s")
@@ -221,10 +229,10 @@ def local_cluster(workers: int | None, tasks: int | None = None) -> Iterator[Clu
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
-            host="127.0.0.1",
+            host=LOOPBACK,
             dashboard_address=None,
-            # Without an address it asks for port 8787, and warns where another cluster has it.
-            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+            # Even without a dashboard it serves its health, on a port that another may have.
+            scheduler_kwargs={"dashboard_address": f"{LOOPBACK}:0"},
             memory_limit=memory // workers,
             silence_logs=logging.CRITICAL,
         ) as cluster,
@@ -244,6 +252,7 @@ def standing_cluster(scheduler: str) -> Iterator[Cluster]:
     """
     with dask.config.set({"distributed.logging.distributed": "critical"}):
         try:
+            _check_address(scheduler)
             client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise EngineError(f"no scheduler answers at {scheduler}: {_short(error)}") from None
@@ -251,6 +260,19 @@ def standing_cluster(scheduler: str) -> Iterator[Cluster]:
             if not client.nthreads():
                 raise EngineError(f"the scheduler at {scheduler} has no worker")
             yield Cluster(client)
+
+
+def _check_address(scheduler: str) -> None:
+    """Refuse at once what would only be noticed by a client that is half made.
+
+    Raises
+    ------
+    ValueError
+        It is no address with a port.
+    """
+    scheme, location = parse_address(scheduler)
+    get_backend(scheme)
+    parse_host_port(location)
 
 
 def _short(error: BaseException) -> str:

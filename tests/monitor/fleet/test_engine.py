@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import time
 from collections.abc import Iterator
 from itertools import pairwise
 
+import distributed
 import pytest
 
 from monitor.fleet.cluster import AHEAD, alone
@@ -117,3 +119,60 @@ def test_a_scheduler_that_does_not_answer_is_said(monkeypatch) -> None:
     answers = pytest.raises(EngineError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9")
     with answers, open_engine(scheduler="tcp://127.0.0.1:9"):
         pass
+
+
+@pytest.mark.parametrize("address", ["nonsense", "tcp://host", "carrier-pigeon://host:1"])
+def test_what_is_no_address_is_said(address) -> None:
+    answers = pytest.raises(EngineError, match=f"no scheduler answers at {address}: ")
+    with answers, open_engine(scheduler=address):
+        pass
+
+
+@pytest.fixture
+def standing() -> Iterator[distributed.LocalCluster]:
+    """A scheduler with one worker, in this process, reached over TCP."""
+    quiet = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "protocol": "tcp://"}
+    with distributed.LocalCluster(
+        **quiet,
+        host="127.0.0.1",
+        dashboard_address=None,
+        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster
+
+
+def test_a_scheduler_that_stands_lends_its_workers(standing) -> None:
+    with open_engine(scheduler=standing.scheduler_address) as engine:
+        assert engine.workers == 1
+        assert by_item(engine.run(lambda x: x * x, range(5))) == {x: x * x for x in range(5)}
+    assert standing.status.name == "running"
+
+
+def test_a_scheduler_without_workers_is_said(standing, monkeypatch) -> None:
+    with open_engine(scheduler=standing.scheduler_address) as engine:
+        standing.scale(0)
+        while engine.workers:
+            time.sleep(0.05)
+        monkeypatch.setattr("monitor.fleet.cluster.WITHOUT_WORKERS_S", 0.2)
+        monkeypatch.setattr("monitor.fleet.cluster.POLL_S", 0.1)
+        with pytest.raises(EngineError, match="no worker was left"):
+            list(engine.run(lambda x: x, [1]))
+    refused = pytest.raises(EngineError, match="has no worker")
+    with refused, open_engine(scheduler=standing.scheduler_address):
+        pass
+
+
+def test_a_scheduler_that_goes_is_said(standing, monkeypatch) -> None:
+    monkeypatch.setattr("monitor.fleet.cluster.CONNECT_S", 1.0)
+
+    def slow(x: int) -> int:
+        time.sleep(0.2)
+        return x
+
+    with open_engine(scheduler=standing.scheduler_address) as engine:
+        ends = engine.run(slow, range(50))
+        next(ends)
+        standing.close()
+        with pytest.raises(EngineError, match="the connection to the scheduler is lost"):
+            list(ends)
