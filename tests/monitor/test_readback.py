@@ -112,6 +112,44 @@ def test_who_cannot_be_judged_stays_faulty_until_it_is_sound(between) -> None:
     assert open_end["faults"][0]["live_cleared_s"] is None
 
 
+@pytest.mark.parametrize("size", [1, 5, 10_000])
+def test_who_was_sound_again_is_cleared_whatever_follows(size) -> None:
+    landed = verdict(100.0, "airspeed0", State.UNMONITORED, reason=Reason.ON_GROUND)
+    heard = words(publish([*HEALTHY, BROKEN, MENDED, landed]))
+    parts = [heard[k : k + size] for k in range(0, len(heard), size)]
+    (line,) = read_back(parts, [fault(60.0, 90.0)])["faults"]
+    assert line["live_cleared_s"] == pytest.approx(90.3, abs=0.1)
+
+
+def test_a_log_that_ends_with_a_flag_taken_back_ends_cleared() -> None:
+    heard = words(publish([*HEALTHY, BROKEN, MENDED]))
+    last = np.flatnonzero((heard["name"] == b"FLT_AIR") & (heard["t_us"] > 90 * S))
+    back = last[heard["value"][last] == 0.0][0]
+    (line,) = read_back([heard[: back + 1]], [fault(60.0, 90.0)])["faults"]
+    assert line["live_cleared_s"] == pytest.approx(90.3, abs=0.1)
+
+
+def test_the_mask_says_when_and_the_first_text_why() -> None:
+    worse = verdict(75.0, "airspeed0", State.FAULTY, magnitude=-9.0, unit="m/s")
+    verdicts = [*HEALTHY, BROKEN, verdict(70.0, "airspeed0", State.STALE), worse]
+    heard = words(publish(verdicts))
+    lost = (heard["name"] == b"FLT_AIR") & (abs(heard["t_us"] - 60.6 * S) < 0.5 * S)
+    (line,) = read_back([heard[~lost]], [fault(60.0)])["faults"]
+    assert 61.0 < line["live_s"] < 61.7
+    assert line["said"] == "airspeed0 FAULTY: 3.1 m/s low since 2 s"
+
+
+def test_a_fault_that_flickers_live_is_one() -> None:
+    pause = [verdict(65.0, "airspeed0", State.OK), verdict(69.0, "airspeed0", State.FAULTY)]
+    apart = [verdict(80.0, "airspeed0", State.OK), verdict(90.0, "airspeed0", State.FAULTY)]
+    heard = words(publish([*HEALTHY, BROKEN, *pause, *apart]))
+    alone = read_back([heard])["faults"]
+    assert [line["live_s"] for line in alone] == pytest.approx([60.3, 90.3], abs=0.1)
+    assert alone[0]["live_cleared_s"] == pytest.approx(80.3, abs=0.1)
+    (line,) = read_back([heard], [fault(60.0, 100.0)])["faults"]
+    assert line["agreement"] == "both"
+
+
 def test_a_log_that_begins_after_the_fault_says_that_it_stood_before() -> None:
     heard = words(publish([*HEALTHY, BROKEN]))
     (line,) = read_back([heard[heard["t_us"] > 80 * S]], [fault(85.0)])["faults"]
@@ -133,15 +171,21 @@ def test_a_monitor_that_was_started_anew_was_silent_between() -> None:
 
 def test_what_only_one_of_both_found_is_told_and_whether_the_monitor_spoke() -> None:
     heard = words(publish([*HEALTHY, BROKEN, MENDED], to_s=100.0))
-    elsewhere = [fault(20.0, 40.0, "airspeed1"), fault(150.0, None, "airspeed1")]
+    heard = heard[(heard["t_us"] < 30 * S) | (heard["t_us"] > 50 * S)]
+    elsewhere = [
+        fault(20.0, 25.0, "airspeed1"),
+        fault(35.0, 40.0, "airspeed1"),
+        fault(150.0, None, "airspeed1"),
+    ]
     lines = read_back([heard], elsewhere)["faults"]
     assert [(line["sensor"], line["agreement"]) for line in lines] == [
         ("airspeed1", "replay only"),
+        ("airspeed1", "not heard"),
         ("airspeed0", "live only"),
         ("airspeed1", "not heard"),
     ]
-    assert lines[1]["replay_s"] is None
-    assert lines[2]["live_s"] is None
+    assert lines[2]["replay_s"] is None
+    assert lines[3]["live_s"] is None
 
 
 def test_two_monitors_are_told_apart() -> None:
@@ -166,6 +210,7 @@ def said(name: str, value: float, component: int, text: str = "", system: int = 
     [
         [said("FLT_AIR", 1.0, FOREIGN)],  # the name by chance
         [said("FLT_AIR", 3.7, FOREIGN), said("MON_AIR", -1.0, FOREIGN)],  # no masks
+        [said("FLT_AIR", 1.0, FOREIGN), said("MON_AIR", 0.5, FOREIGN)],
         [said("FLT_AIR", np.nan, OURS), said("FLT_AIR", 2.0**25, OURS)],
         [said("FLT_AIR", 8.0, OURS)],  # a bit that is no sensor's
         [said("R_CAS", 20.0, OURS), said("VIBE_X", 1.0, FOREIGN)],
@@ -223,6 +268,11 @@ WORDS = st.tuples(
 def test_no_words_are_an_exception(parts) -> None:
     live = read_back([np.array(part, WORD) for part in parts], [fault(60.0)], system=0)
     assert live is None or len(live["monitors"]) <= MONITORS
+
+
+def test_no_more_monitors_are_told_apart_than_there_is_room_for() -> None:
+    many = [said(name, 1.0, k) for k in range(1, 100) for name in ("FLT_AIR", "MON_AIR")]
+    assert len(read_back(many)["monitors"]) == MONITORS
 
 
 def test_flags_that_flicker_for_hours_fill_no_memory() -> None:
