@@ -36,7 +36,9 @@ AHEAD = 3
 """Tasks handed out for each worker at a time: enough that none waits, few to be called back."""
 POLL_S = 0.5
 CONNECT_S = 10.0
-WITHOUT_WORKERS_S = 60.0
+MEND_S = 5.0
+"""How often a cluster of ours that lacks workers is told to start them anew [s]."""
+WITHOUT_WORKERS_S = 120.0
 """How long a cluster may be without any worker: one that died is started again in seconds [s]."""
 MEMORY_SHARE = 0.8
 """Of the computer's memory: what the workers of a local cluster may take together."""
@@ -57,6 +59,8 @@ _ONE_THREAD = dict.fromkeys(
 
 _CONFIGURATION = {
     "distributed.logging.distributed": "critical",
+    # A worker that is not back after this is given up; it is then started by us.
+    "distributed.deploy.lost-worker-timeout": "30s",
     "distributed.admin.large-graph-warning-threshold": "1 GiB",
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.worker-saturation": 1.0,
@@ -76,10 +80,20 @@ class Cluster:
     ----------
     client
         Connected.
+    wanted
+        Workers that there should be; 0 if they are not ours.
+    mend
+        Starts those that are missing.
     """
 
-    def __init__(self, client: distributed.Client) -> None:
-        self._client = client
+    def __init__(
+        self,
+        client: distributed.Client,
+        wanted: int = 0,
+        mend: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._client, self._wanted, self._mend = client, wanted, mend
+        self._mended_s = time.monotonic()
         self._worked_s = time.monotonic()
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
@@ -153,7 +167,7 @@ class Cluster:
 
     def _some(self, items: Iterator[Item], ahead: int, under_way: int) -> Iterator[Item]:
         """The next items, as many as there is room for."""
-        for _ in range(under_way, ahead * max(self.workers, 1)):
+        for _ in range(under_way, ahead * max(self._look(), 1)):
             try:
                 yield next(items)
             except StopIteration:
@@ -181,8 +195,8 @@ class Cluster:
                     return Ended(item, None, error)
                 waiting()
 
-    def _look(self) -> None:
-        """Whether there is anybody still.
+    def _look(self) -> int:
+        """How many workers there are; those of ours that are missing are started.
 
         Raises
         ------
@@ -191,10 +205,15 @@ class Cluster:
         """
         if self._client.status != "running":
             raise EngineError("the connection to the scheduler is lost")
-        if self.workers:
-            self._worked_s = time.monotonic()
-        elif time.monotonic() - self._worked_s > WITHOUT_WORKERS_S:
+        workers, now_s = self.workers, time.monotonic()
+        if workers < self._wanted and now_s - self._mended_s > MEND_S:
+            self._mended_s = now_s
+            self._mend()
+        if workers:
+            self._worked_s = now_s
+        elif now_s - self._worked_s > WITHOUT_WORKERS_S:
             raise EngineError(f"no worker was left for {WITHOUT_WORKERS_S:.0f} s")
+        return workers
 
 
 @contextmanager
@@ -238,7 +257,7 @@ def local_cluster(workers: int | None, tasks: int | None = None) -> Iterator[Clu
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
-        yield Cluster(client)
+        yield Cluster(client, workers, lambda: cluster.scale(workers))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from itertools import pairwise
 import distributed
 import pytest
 
+from monitor.fleet import cluster
 from monitor.fleet.cluster import AHEAD, alone
 from monitor.fleet.engine import Died, Ended, Engine, EngineError, open_engine
 
@@ -81,6 +82,22 @@ def test_a_worker_that_is_killed_once_loses_nothing(two_workers, tmp_path) -> No
     assert (tmp_path / "killed").exists()
 
 
+def test_a_worker_that_does_not_come_back_is_replaced(tmp_path, monkeypatch) -> None:
+    """Dask gives up one whose start takes long, as on a busy computer."""
+    monkeypatch.setitem(cluster._CONFIGURATION, "distributed.deploy.lost-worker-timeout", "1ms")
+    monkeypatch.setattr(cluster, "MEND_S", 0.2)
+    monkeypatch.setattr(cluster, "WITHOUT_WORKERS_S", 30.0)
+
+    def once(x: int) -> int:
+        if not (tmp_path / "killed").exists():
+            (tmp_path / "killed").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return x
+
+    with open_engine(1) as engine:
+        assert by_item(engine.run(once, range(3))) == {x: x for x in range(3)}
+
+
 def test_a_worker_has_one_numeric_thread(two_workers) -> None:
     def threads(_: int) -> tuple[str | None, ...]:
         return tuple(os.environ.get(f"{k}_NUM_THREADS") for k in ("NUMBA", "OMP", "OPENBLAS"))
@@ -138,8 +155,8 @@ def standing() -> Iterator[distributed.LocalCluster]:
         dashboard_address=None,
         scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
         silence_logs=logging.CRITICAL,
-    ) as cluster:
-        yield cluster
+    ) as made:
+        yield made
 
 
 def test_a_scheduler_that_stands_lends_its_workers(standing) -> None:
