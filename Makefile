@@ -17,6 +17,8 @@ $(STAMP): pyproject.toml
 
 $(BENCH_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check mavparser scikit-build-core pybind11
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation fasttlogparser
 	touch $@
 
 demo: $(STAMP)

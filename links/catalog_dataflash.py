@@ -29,7 +29,7 @@ from links.dataflash_columns import (
     VEHICLE,
     VELOCITY,
 )
-from links.logs.records import Joined, Leader, RecordSource
+from links.record_sources import Joined, Leader, RecordSource
 
 __all__ = [
     "AUTOPILOT_ARDUPILOT",

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from links.catalog import AUTOPILOT_PX4, ZERO_CELSIUS_K, Fill, bounded
 from links.conversions import DEG, Conversion, Floats, Op, Payload
-from links.logs.records import Joined, RecordSource
+from links.record_sources import Joined, RecordSource
 
 __all__ = [
     "IMU_LEAST_HZ",
@@ -78,6 +78,10 @@ def _cas_of_pressure(name: str) -> Callable[[Payload], Floats]:
 
 def _pressure_of_airspeed(name: str) -> Callable[[Payload], Floats]:
     return lambda p: 0.5 * RHO_0 * _column(p, name) * np.abs(_column(p, name))
+
+
+def _less(p: Payload, name: str, other: str) -> Floats:
+    return np.asarray(_column(p, name) - _column(p, other))
 
 
 def _velocity(p: Payload) -> Floats:
@@ -266,6 +270,19 @@ SOURCES: tuple[RecordSource, ...] = (
     _rpm("internal_combustion_engine_status", "engine_speed_rpm"),
     *(_esc(k) for k in range(8)),
     RecordSource(
+        "tecs_status",
+        "tecs_status",
+        "demand",
+        (
+            Fill("height_error_m", compute=lambda p: _less(p, "altitude_sp", "altitude_filtered")),
+            Fill(
+                "airspeed_error_sign",
+                compute=lambda p: np.sign(_less(p, "true_airspeed_sp", "true_airspeed_filtered")),
+            ),
+        ),
+        needs=("altitude_sp", "altitude_filtered", "true_airspeed_sp", "true_airspeed_filtered"),
+    ),
+    RecordSource(
         "actuator_outputs",
         "actuator_outputs",
         "servo",
@@ -314,6 +331,7 @@ RANKING: dict[str, tuple[str, ...]] = {
     "aoa": (NAMED,),
     "spool": ("rpm", "internal_combustion_engine_status", "esc_status", NAMED),
     "servo": ("actuator_outputs",),
+    "demand": ("tecs_status",),
     "heartbeat": ("vehicle_status",),
     "landed": ("vehicle_land_detected",),
     "param": (PARAMETER,),

@@ -102,7 +102,8 @@ _FIXES = 9  # receivers known; then the message number and last stamp of each
 _MAX_FIXES = 8
 _BOOTS = _FIXES + 1 + 2 * _MAX_FIXES  # when the last epochs began
 _MAX_BOOTS = 16
-_SIZE = _BOOTS + _MAX_BOOTS
+_AHEAD = _BOOTS + _MAX_BOOTS  # a stamp this far ahead is believed at once
+_SIZE = _AHEAD + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,15 +137,22 @@ class ClockResult:
 class VehicleClock:
     """Clock of one vehicle (its autopilot component): stamps in arrival order to ``t_us``.
 
+    Parameters
+    ----------
+    ahead_us
+        A stamp this far ahead of the newest is believed at once [us]; less than
+        :data:`AHEAD_US` where no check sum vouches for a stamp.
+
     Attributes
     ----------
     state : (m,) int64
         What :func:`tick` keeps.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, ahead_us: int = AHEAD_US) -> None:
         self.state: Ints = np.zeros(_SIZE, np.int64)
         self.state[[_NEWEST, _LAST, _UNIX]] = _NEVER
+        self.state[_AHEAD] = ahead_us
 
     @property
     def newest_us(self) -> int | None:
@@ -182,6 +190,15 @@ class VehicleClock:
         """Set the time of what comes before the first stamped message."""
         if self.last_us is None:
             self.state[[_NEWEST, _LAST]] = first_us
+
+    def begin_boot(self, first_us: int) -> None:
+        """The vehicle is known to have booted anew; its first stamp since then [us].
+
+        Nothing happens where that stamp is not older than the newest: the clock went on.
+        """
+        newest_us = self.newest_us
+        if newest_us is not None and first_us + int(self.state[_EPOCH]) < newest_us:
+            _reboot(self.state, first_us)
 
     def advance(
         self,
@@ -237,7 +254,7 @@ def tick(clock: Ints, kind: int, raw: int, source: int, unix: int) -> Timed:
         if kind == _BOOT_MS:
             s += clock[_WRAP_MS]
         ahead = s - newest
-        if -BACK_US <= ahead <= AHEAD_US:  # nearly always
+        if -BACK_US <= ahead <= clock[_AHEAD]:  # nearly always
             clock[_LAST] = s
             if ahead > 0:
                 clock[_NEWEST] = s
@@ -325,20 +342,27 @@ def _outlying(clock: Ints, kind: int, raw: int) -> Timed:
             clock[_RUN] = 0
             clock[_LAST], clock[_NEWEST] = s, max(s, newest)
             return s, 0, TIMED
-    agrees = clock[_RUN] > 0 and -BACK_US <= s - clock[_OUTLIER] <= AHEAD_US
+    agrees = clock[_RUN] > 0 and -BACK_US <= s - clock[_OUTLIER] <= clock[_AHEAD]
     clock[_RUN] = clock[_RUN] + 1 if agrees else 1
     clock[_OUTLIER] = s
     if clock[_RUN] < CONFIRM:
         return 0, 0, (TIME_REVERSED if s < newest else OUT_OF_RANGE)
     clock[_RUN] = 0
     if s < newest:
-        clock[_BOOTS + clock[_REBOOTS] % _MAX_BOOTS] = newest + EPOCH_GAP_US // 2
-        clock[_REBOOTS] += 1
-        clock[_WRAP_MS] = 0
-        clock[_UNIX] = _NEVER
-        clock[_EPOCH] = newest + EPOCH_GAP_US - raw
-        s = raw + clock[_EPOCH]
-    else:
-        clock[_JUMPS] += 1
+        return _reboot(clock, raw), 0, TIMED
+    clock[_JUMPS] += 1
     clock[_LAST] = clock[_NEWEST] = s
     return s, 0, TIMED
+
+
+@kernel
+def _reboot(clock: Ints, raw: int) -> int:
+    """Begin an epoch with its first stamp; return its time."""
+    newest = clock[_NEWEST]
+    clock[_BOOTS + clock[_REBOOTS] % _MAX_BOOTS] = newest + EPOCH_GAP_US // 2
+    clock[_REBOOTS] += 1
+    clock[_RUN] = clock[_WRAP_MS] = 0
+    clock[_UNIX] = _NEVER
+    clock[_EPOCH] = newest + EPOCH_GAP_US - raw
+    clock[_LAST] = clock[_NEWEST] = newest + EPOCH_GAP_US
+    return int(clock[_NEWEST])

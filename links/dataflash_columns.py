@@ -10,12 +10,13 @@ __all__ = [
     "GYRO",
     "NAMED",
     "PARAMETER",
+    "TEXT",
     "VEHICLE",
     "VELOCITY",
     "WHOLE",
 ]
 
-PARAMETER, NAMED = "PARM", "NVAL"
+PARAMETER, NAMED, TEXT = "PARM", "NVAL", "MSG"
 VEHICLE = "(vehicle)"
 """What ``VER`` or ``MSG`` say of the vehicle's type, as the reader puts it."""
 
@@ -67,13 +68,13 @@ COLUMNS: dict[str, dict[str, str]] = {
     "VER": {"BU": ""},
     VEHICLE: {"Type": ""},
     PARAMETER: {"Name": "", "Value": ""},
-    "MSG": {"Message": ""},
-    NAMED: {"Name": "", "Value": "", "SCom": ""},
+    TEXT: {"Message": ""},
+    NAMED: {"Name": "", "Value": "", "SCom": "", "SSys": ""},
 }
 """Message -> column -> unit that the table expects, "" where none is converted."""
 
 WHOLE = frozenset(
     {"I", "C", "PI", "Instance", "Status", "NSats", "VV", "U", "H", "Pri", "Armed"}
-    | {"isFlying", "Crash", "ModeNum", "BU", "SCom"}
+    | {"isFlying", "Crash", "ModeNum", "BU", "SCom", "SSys"}
 )
 """Columns that count or name something and are of no use as fractions."""

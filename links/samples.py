@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from links.vocabulary import Rejection
 
-__all__ = ["QUANTITIES", "Batch", "Rows", "empty_rows", "quantity_of"]
+__all__ = ["QUANTITIES", "WORD", "Batch", "Rows", "empty_rows", "quantity_of"]
 
 Rows = NDArray[np.void]
 
@@ -101,6 +101,22 @@ sign alone, since ArduPlane sends cm/s in NAV_CONTROLLER_OUTPUT where MAVLink sa
 ``text`` and ``named`` are what *other* components said (never an input of an estimator).
 """
 
+WORD = np.dtype(
+    [
+        ("t_us", "<i8"),
+        ("system", "<i4"),
+        ("component", "<i4"),
+        ("name", "S10"),
+        ("value", "<f8"),
+        ("text", "S50"),
+    ]
+)
+"""What another component of the vehicle said, and when it stood in the log.
+
+A named value (``name``, ``value``) or a text (``name`` empty). ``system`` and ``component`` are 0
+where the log does not tell who spoke.
+"""
+
 
 def quantity_of(sensor: str) -> str:
     """Quantity of a sensor name: ``quantity_of("imu1") == "imu"``.
@@ -134,11 +150,15 @@ class Batch:
     boots
         Vehicle times at which the vehicle began anew [us]: it was switched off, or rebooted. Rows
         of the new epoch have a later time, all before an earlier one.
+    words : (n,) structured
+        What others said, of dtype :data:`WORD`, as logs hold it, our own output included: for who
+        compares it with a verdict; it is no row of a sensor.
     """
 
     rows: Mapping[str, Rows] = field(default_factory=dict)
     rejected: Counter[tuple[str, Rejection]] = field(default_factory=Counter)
     boots: tuple[int, ...] = ()
+    words: Rows = field(default_factory=lambda: np.empty(0, WORD))
 
     def __len__(self) -> int:
         return sum(len(r) for r in self.rows.values())
@@ -149,12 +169,15 @@ class Batch:
         parts: dict[str, list[Rows]] = {}
         rejected: Counter[tuple[str, Rejection]] = Counter()
         boots: list[int] = []
+        words: list[Rows] = [np.empty(0, WORD)]
         for batch in batches:
             boots += batch.boots
+            words.append(batch.words)
             for sensor, rows in batch.rows.items():
                 parts.setdefault(sensor, []).append(rows)
             rejected.update(batch.rejected)
-        return Batch({s: np.concatenate(p) for s, p in parts.items()}, rejected, tuple(boots))
+        joined = {s: np.concatenate(p) for s, p in parts.items()}
+        return Batch(joined, rejected, tuple(boots), np.concatenate(words))
 
     def split(self, seqs: Iterable[int]) -> list[Batch]:
         """Consecutive batches cut before each arrival number of ``seqs`` (ascending)."""

@@ -20,6 +20,7 @@ from monitor.estimate_files import EstimateFiles, EstimateSink
 from monitor.learn.flights import vehicle_words
 from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
+from monitor.readback import ReadBack
 from monitor.settings import Settings, changed
 from monitor.verdict import StepResult, Verdict
 
@@ -103,6 +104,7 @@ def analyze_log(
     baselines = BaselineTap()
     pipeline = Pipeline(settings, taps=[baselines])
     ledger = summary.Ledger()
+    live = ReadBack(settings.links.component_id)
 
     def use(result: StepResult) -> None:
         ledger.add(result.verdicts)
@@ -113,12 +115,18 @@ def analyze_log(
     with np.errstate(all="ignore"):
         for batch in log:
             use(pipeline.feed(batch))
+            live.add(batch.words)
             if progress is not None:
                 progress(log.info.bytes_read, log.info.bytes)
         use(pipeline.finish())
+    found = summarize(log.info, pipeline, ledger)
+    said = live.summary(
+        log.info.vehicle.system_id, log.info.first_t_us, found["faults"] + found["events"]
+    )
     return Analysis(
         path,
-        summarize(log.info, pipeline, ledger)
+        found
+        | ({} if said is None else {"live": said})
         | {"learnt": provenance(settings.learnt, path, vehicle_words(log.info.vehicle))}
         | {"baselines": baselines.summary(log.info.first_t_us)}
         | {"made_by": _made_by(settings)},
@@ -219,6 +227,7 @@ def summarize(info: LogInfo, pipeline: Pipeline, ledger: summary.Ledger) -> dict
             "first_t_us": first_us,
             "start_unix_us": info.start_unix_us,
             "gaps": _gaps(info),
+            "notes": info.notes,
             "boots_s": [round((t_us - first_us) / 1e6, 3) for t_us in pipeline.boots],
         },
         "vehicle": {

@@ -8,14 +8,17 @@ newest state.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import degrees, isfinite
 
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
+from monitor.masks import mask_bit
 from monitor.verdict import Verdict
 
-__all__ = ["TEXT_MAX", "Announcer", "Text", "size_phrase", "wording"]
+__all__ = ["TEXT_MAX", "Announcer", "Text", "size_phrase", "understood", "wording"]
 
 TEXT_MAX = 50
 """Characters of a STATUSTEXT that every ground station shows."""
@@ -51,6 +54,8 @@ class Text:
     severity: int
     text: str
 
+
+_ENGINE = re.compile(r"engine\d+")
 
 _BY_KIND = frozenset({Kind.STUCK, Kind.NOISE, Kind.OSCILLATION, Kind.DROPOUT})
 """Kinds of which the size at one moment says little."""
@@ -131,6 +136,35 @@ def _folded(state: State, sensors: list[str]) -> str:
         text += word
         last = group
     return text
+
+
+_HEADS = {_FOLDED_HEAD.get(state, str(state)): state for state in State}
+
+
+def understood(text: str) -> dict[str, State]:
+    """Sensor -> state that a text says, as :func:`wording` and the folded texts put it.
+
+    Of a text that is none of ours nothing is understood; words that name no sensor are passed over.
+    """
+    head, colon, rest = text.partition(":")
+    if colon and head in _HEADS:
+        return dict.fromkeys(_sensors(rest.split()), _HEADS[head])
+    word, _, said = head.partition(" ")
+    state = next((s for start, s in _HEADS.items() if said == start), None)
+    return {} if state is None else dict.fromkeys(_sensors([word]), state)
+
+
+def _sensors(words: Iterable[str]) -> Iterator[str]:
+    """Sensors that words of a text mean: undoes :func:`_words` and the folding of axes."""
+    group = ""
+    for word in words:
+        name = group + word if word.startswith(".") else word
+        group = name.partition(".")[0]
+        axes = [f"{name}.{axis}" for axis in GYRO_ACC_AXES]
+        if mask_bit(name) is not None or _ENGINE.fullmatch(name):
+            yield name
+        elif mask_bit(axes[0]) is not None:
+            yield from axes
 
 
 def _disagreement(sensors: list[str]) -> str:

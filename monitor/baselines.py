@@ -66,7 +66,8 @@ LISTED: Final = 10_000
 """Findings of one check, and lines of the autopilot, that are kept."""
 
 _ABOUT = re.compile(r"airspeed|arspd|pitot|\bimu|ekf|gps|gyro|accel|lane", re.IGNORECASE)
-_NOT_ABOUT = re.compile(r"^No ap_message", re.IGNORECASE)
+_NOT_ABOUT = re.compile(r"^(No ap_message|SRC=|GCS:|\[mavlink: component )", re.IGNORECASE)
+"""Lines that are of no use, and those that the autopilot logged of others."""
 _USE = re.compile(r"ARSPD[2-9]?_USE")
 
 

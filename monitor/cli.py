@@ -18,6 +18,7 @@ from monitor.commands import (
     config,
     demo,
     feed,
+    fleet,
     inject,
     learn,
     replay,
@@ -46,6 +47,7 @@ app = typer.Typer(
 )
 app.command("run")(run.run)
 app.command("analyze")(analyze.analyze)
+app.command("fleet")(fleet.fleet)
 app.command("feed")(feed.feed)
 app.command("inject")(inject.inject)
 app.command("replay")(replay.replay)

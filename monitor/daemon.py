@@ -18,7 +18,7 @@ from monitor.publish import Message, Publisher
 from monitor.settings.links import LinkSettings
 from monitor.verdict import StepResult
 
-__all__ = ["Daemon", "Host", "Link", "Status"]
+__all__ = ["Daemon", "Host", "Link", "Recording", "Status"]
 
 IDLE_S = 0.05
 """Longest wait for a datagram: the heartbeat and a request to stop are seen this often."""
@@ -60,6 +60,18 @@ class Judging(Protocol):
 
     def finish(self) -> StepResult:
         """The same of what still waits."""
+        ...
+
+
+class Recording(Protocol):
+    """What the loop needs of ``monitor.recorder.Recorder``."""
+
+    def take(self, data: bytes, host_us: int) -> None:
+        """Bytes received, and when (host monotonic [us])."""
+        ...
+
+    def take_sent(self, frame: bytes, host_us: int) -> None:
+        """A frame sent, and when."""
         ...
 
 
@@ -116,7 +128,8 @@ class Daemon:
     encode
         Message -> bytes; it knows the system id, which is the vehicle's.
     record
-        Takes every datagram received, with its arrival; None records nothing.
+        Takes every datagram received, with its arrival, and every frame sent once the vehicle is
+        known; None records nothing.
     settings
         Of the links section: silence and gathering times.
     """
@@ -130,7 +143,7 @@ class Daemon:
         publisher: Publisher,
         encode: Callable[[Message], bytes],
         settings: LinkSettings,
-        record: Callable[[bytes, int], None] | None = None,
+        record: Recording | None = None,
         host: Host | None = None,
     ) -> None:
         self._source = source
@@ -217,7 +230,7 @@ class Daemon:
         self._datagrams += len(arrived)
         if self._record is not None:
             for data, host_us in arrived:
-                self._record(data, host_us)
+                self._record.take(data, host_us)
         batch = self._decoder.feed(b"".join(data for data, _ in arrived), arrived[-1][1])
         if len(batch):
             self._rows += len(batch)
@@ -239,5 +252,7 @@ class Daemon:
             data = self._encode(message)
             for sink in self._sinks:
                 sink.send(data)
+            if self._record is not None and self._t_us is not None:
+                self._record.take_sent(data, now_us)
         self._sent += len(messages)
         return any(m.name != "HEARTBEAT" for m in messages)

@@ -7,7 +7,7 @@ them encodes them (``links.mavlink.Encoder``).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import degrees, hypot, isfinite, nan
 from typing import Any
@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 
 from links.samples import Rows
-from links.vocabulary import GYRO_ACC_AXES, State
+from links.vocabulary import State
 from monitor.announce import Announcer
+from monitor.masks import FAULT, MONITORED, masks, stopped_engines
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import StepResult
 
-__all__ = ["RECONSTRUCTED_ID", "Message", "Publisher", "mask_bit", "masks", "stopped_engines"]
+__all__ = ["RECONSTRUCTED_ID", "Message", "Publisher"]
 
 RECONSTRUCTED_ID = 9
 """Instance of AIRSPEED, and first instance of HIGHRES_IMU, that carries reconstructed values."""
@@ -28,7 +29,6 @@ RECONSTRUCTED_ID = 9
 HEARTBEAT_US = 1_000_000
 
 _MONITORED = frozenset({State.OK, State.SUSPECT, State.FAULTY})
-_WINGS = ("wing_left.lift", "wing_left.drag", "wing_right.lift", "wing_right.drag")
 _G0_M_S2 = 9.80665
 _MAV_TYPE_ONBOARD_CONTROLLER = 18
 _MAV_AUTOPILOT_INVALID = 8
@@ -43,55 +43,6 @@ class Message:
 
     name: str
     fields: Mapping[str, Any]
-
-
-def mask_bit(sensor: str) -> tuple[str, int] | None:
-    """Mask and bit of a sensor: ``mask_bit("imu1.gyro_x") == ("IMU1", 3)``; None if it has none.
-
-    Every mask fits in 24 bits and is exact in a float.
-    """
-    if sensor in _WINGS:
-        return "WNG", _WINGS.index(sensor)
-    group, _, axis = sensor.partition(".")
-    quantity = group.rstrip("0123456789")
-    digits = group[len(quantity) :]
-    if not digits:
-        return None
-    instance = int(digits)
-    if quantity == "imu" and axis in GYRO_ACC_AXES and instance < 5:
-        return f"IMU{instance}", GYRO_ACC_AXES.index(axis)
-    if quantity == "airspeed" and instance < 3:
-        return "AIR", instance
-    if quantity == "aoa" and instance < 3:
-        return "AIR", 8 + instance
-    if quantity == "spool" and instance < 24:
-        return "ENG", instance
-    return None
-
-
-def masks(states: Mapping[str, State], which: Iterable[State]) -> dict[str, int]:
-    """Mask name -> bits of the sensors that are in one of the states ``which``.
-
-    A mask is there, with zero, for every group of which a sensor is known and not absent.
-    """
-    chosen = frozenset(which)
-    out: dict[str, int] = {}
-    for sensor, state in states.items():
-        place = mask_bit(sensor)
-        if place is None or state is State.ABSENT:
-            continue
-        name, bit = place
-        out[name] = out.get(name, 0) | ((1 << bit) if state in chosen else 0)
-    return dict(sorted(out.items()))
-
-
-def stopped_engines(states: Mapping[str, State]) -> dict[str, int]:
-    """``EVT_ENG``: bit i of ``engine<i>`` that has stopped; nothing while no engine is known."""
-    engines = {s: state for s, state in states.items() if s.startswith("engine")}
-    if not engines:
-        return {}
-    bits = (1 << int(s[6:]) for s, state in engines.items() if state is State.STOPPED)
-    return {"EVT_ENG": sum(bits)}
 
 
 class _Every:
@@ -186,7 +137,7 @@ class Publisher:
         )
 
     def _fault_masks(self, now_us: int, t_us: int) -> list[Message]:
-        faults = {f"FLT_{k}": v for k, v in masks(self._states, {State.FAULTY}).items()}
+        faults = {FAULT + k: bits for k, bits in masks(self._states, {State.FAULTY}).items()}
         faults |= stopped_engines(self._states)
         periodic = self._masks(now_us)
         out = [
@@ -197,7 +148,7 @@ class Publisher:
         self._sent_faults = faults
         if periodic:
             monitored = masks(self._states, _MONITORED)
-            out += [_named(t_us, f"MON_{name}", bits) for name, bits in monitored.items()]
+            out += [_named(t_us, MONITORED + name, bits) for name, bits in monitored.items()]
         return out
 
     def _reconstructed(self, t_us: int) -> list[Message]:

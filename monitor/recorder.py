@@ -1,7 +1,8 @@
 """Keeps the raw link as telemetry logs, within a bound on the disk.
 
 What is recorded is what was received, frame by frame with its arrival, before anything judged it:
-``mavsentry analyze`` on a recording gives the verdicts of the flight again.
+``mavsentry analyze`` on a recording gives the verdicts of the flight again. Between stands what was
+published, so that it can be compared with them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def whole_frames(frames: Frames) -> Iterator[tuple[bytes, int]]:
 
 
 class Recorder:
-    """Writes received bytes into ``DIR/mavsentry-<start in UTC>-<number>.tlog``.
+    """Writes what is received and sent into ``DIR/mavsentry-<start in UTC>-<number>.tlog``.
 
     Parameters
     ----------
@@ -70,10 +71,13 @@ class Recorder:
         """Record the frames that these bytes complete, stamped with their arrival."""
         self._newest_us = self._unix_from_host_us + host_us
         self._write(self._framer.feed(data))
-        if self._written > self._file_max:
-            self._writer.close()
-            self._number += 1
-            self._writer = self._open()
+        self._go_on()
+
+    def take_sent(self, frame: bytes, host_us: int) -> None:
+        """Record one whole frame of our own; bytes received that make none yet wait beside it."""
+        self._newest_us = max(self._newest_us, self._unix_from_host_us + host_us)
+        self._put(frame)
+        self._go_on()
 
     def close(self) -> None:
         """Record what still waited for more bytes, and finish the file."""
@@ -88,8 +92,18 @@ class Recorder:
 
     def _write(self, frames: Frames) -> None:
         for frame, _ in whole_frames(frames):
-            self._writer.write(frame, self._newest_us)
-            self._written += _STAMP_BYTES + len(frame)
+            self._put(frame)
+
+    def _put(self, frame: bytes) -> None:
+        self._writer.write(frame, self._newest_us)
+        self._written += _STAMP_BYTES + len(frame)
+
+    def _go_on(self) -> None:
+        """Begin the next file where this one is full."""
+        if self._written > self._file_max:
+            self._writer.close()
+            self._number += 1
+            self._writer = self._open()
 
     def _open(self) -> TlogWriter:
         self._written = 0

@@ -29,7 +29,9 @@ off by default and not imitated.
 *IMU selector* (``VotedSensorsUpdate``, ``EKF2Selector``). |d_i| beyond the rate is integrated,
 never below zero, and an integral beyond the limit is a fault: of three the largest is the faulty
 one, of two it is not known which, of one there is no difference to see. With two IMUs d_i is half
-their difference.
+their difference. They are compared when each has given a sample of the same moment, within half
+the interval between samples: one of a sample ago would differ by all that the aircraft shook in
+between.
 
 Differs: the ground velocity and the attitude are those the autopilot published. The scale that
 PX4's wind estimator keeps as a third state is left at 1: its noise of 1e-4 per sqrt(s) lets it move
@@ -274,10 +276,10 @@ STEP_MAX_S = 0.1
 PRESENT_US = 1_000_000
 
 IMU_T, SEEN_T = 0, 1
-NOW, APART, SUMS = 2, 8, 14
+NOW, APART, SUMS, NEW_SAMPLE = 2, 8, 14, 16
 """First of the sample (rates, then specific forces), of its low-passed difference from the mean,
-and of the two sums."""
-_IMU_BLOCK = 16
+and of the two sums; whether the sample is of this moment."""
+_IMU_BLOCK = 17
 
 
 class PX4ImuSelector:
@@ -324,17 +326,25 @@ def compare_imus(
         t, k = float(t_us[i]), imu[i]
         if k >= IMUS:
             continue
+        recent = t - 0.5 * (t - imus[k, SEEN_T])
+        for j in range(IMUS):
+            if imus[j, SEEN_T] < recent:  # of the moment before
+                imus[j, NEW_SAMPLE] = 0.0
         imus[k, SEEN_T] = t
         for c in range(6):
             imus[k, NOW + c] = sample[i, c]
-        lead, n = -1, 0
+        imus[k, NEW_SAMPLE] = 1.0
+        lead, n, every = -1, 0, True
         for j in range(IMUS):
             if t - imus[j, SEEN_T] < PRESENT_US:
                 n += 1
+                every &= imus[j, NEW_SAMPLE] > 0.5
                 if lead < 0:
                     lead = j
-        if k != lead or n < 2:
+        if not every or n < 2:
             continue
+        for j in range(IMUS):
+            imus[j, NEW_SAMPLE] = 0.0
         for c in range(6):
             mean = 0.0
             for j in range(IMUS):

@@ -6,6 +6,7 @@ then ask ``reader.info``.
 
 from pathlib import Path
 
+from links.clock import UNIX_FROM_US
 from links.logs.base import LogError, LogInfo, LogReader
 from links.logs.dataflash import DataflashReader, read_dataflash
 from links.logs.tlog import TlogReader, TlogWriter, read_tlog
@@ -28,10 +29,22 @@ __all__ = [
 
 _ULOG_MAGIC = b"ULog\x01\x12\x35"
 _DATAFLASH_MAGIC = b"\xa3\x95\x80"
+_MAVLINK_MAGIC = b"\xfe\xfd"
+_LATEST_US = 1 << 52
+"""No log was written after the year 2112 [us]."""
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"PK\x03\x04": "zip",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ\0": "xz",
+    b"7z\xbc\xaf": "7z",
+    b"\x28\xb5\x2f\xfd": "zstd",
+}
+"""How files begin that logs are packed into."""
 
 
 def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogReader:
-    """Reader of a log file, chosen by what the file is.
+    """Reader of a log file, chosen by its content; where its beginning is damaged, by its name.
 
     Raises
     ------
@@ -48,7 +61,12 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogRead
         raise LogError(f"cannot read {path}: {error.strerror or error}") from None
     if not head:
         raise LogError(f"{path} is empty")
+    for magic, name in _PACKED.items():
+        if head.startswith(magic):
+            raise LogError(f"{path} is packed ({name}): unpack it first")
     suffix = path.suffix.lower()
+    if _stamped(head):
+        return read_tlog(path, options)
     if head.startswith(_ULOG_MAGIC) or suffix == ".ulg":
         return read_ulog(path, options)
     if head.startswith(_DATAFLASH_MAGIC) or suffix == ".bin":
@@ -56,3 +74,9 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogRead
     if suffix == ".log" and head.startswith(b"FMT"):
         raise LogError(f"{path} is a DataFlash log as text; only the binary .BIN can be read")
     return read_tlog(path, options)
+
+
+def _stamped(head: bytes) -> bool:
+    """Whether a file begins as a telemetry log does: a Unix stamp, then a MAVLink frame."""
+    stamp_us = int.from_bytes(head[:8], "big")
+    return len(head) > 8 and UNIX_FROM_US <= stamp_us < _LATEST_US and head[8] in _MAVLINK_MAGIC

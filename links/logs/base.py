@@ -56,6 +56,8 @@ class LogInfo:
     gaps
         (time of the last record before the gap [us], its length [us]), the first 1000; Unix time
         in a telemetry log, vehicle time in others.
+    notes
+        What of the log could not be used although it is whole, in plain sentences.
     """
 
     path: Path
@@ -71,6 +73,7 @@ class LogInfo:
     vehicle: Vehicle = field(default_factory=lambda: Vehicle(0, 0, 0))
     sources: dict[str, str] = field(default_factory=dict)
     gaps: list[tuple[int, int]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def duration_s(self) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,14 @@ from numpy.typing import NDArray
 from links import catalog_dataflash as table
 from links.clock import UNIX_FROM_US, VehicleClock
 from links.dataflash_columns import COLUMNS, EKF2, PARAMETER, VEHICLE, WHOLE
-from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo, read_chunks
+from links.logs.base import CHUNK, LogError, LogInfo, read_chunks
 from links.logs.dataflash_format import Table, first_format
 from links.logs.dataflash_parser import DataflashParser
 from links.logs.records import RecordRows, Records
+from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
+from links.spool_records import dataflash_spools
 from links.vocabulary import Rejection
 
 __all__ = ["DataflashReader", "read_dataflash", "warm_up"]
@@ -28,11 +31,7 @@ __all__ = ["DataflashReader", "read_dataflash", "warm_up"]
 HEAD = 4 << 20
 """Bytes of a log's beginning that tell which filter ran."""
 
-GAP_US = 1_000_000
-"""Records further apart than this are a gap [us]."""
-
-_DAY_US = 86_400_000_000
-_WEEK_US = 7 * _DAY_US
+_WEEK_US = 7 * 86_400_000_000
 _GPS_EPOCH_US = 315_964_800_000_000
 _DATE = ("Status", "GMS", "GWk")
 _LEAP_US = 18_000_000  # GPS time is ahead of UTC by so much since 2017
@@ -57,7 +56,8 @@ class DataflashReader:
     path
         The file; it is opened when iteration starts.
     options
-        How MAVLink is read; of it the named inputs, components and time-outs hold here too.
+        How MAVLink is read; of it the rankings (by this format's own keys), engine-speed channels,
+        named inputs, components of those and time-outs hold here too.
     chunk
         Bytes read at a time; the samples do not depend on it.
 
@@ -74,8 +74,7 @@ class DataflashReader:
         self._chunk = chunk
         self._alias: dict[str, str] = {}
         self._counted: Counter[tuple[str, Rejection]] = Counter()
-        self._first_us = 0
-        self._last_us = 0
+        self._logs = 0
         self._system = 0
         self.info = LogInfo(path, "bin", vehicle=Vehicle(0, 0, 0))
 
@@ -84,9 +83,12 @@ class DataflashReader:
         named = table.named_sources(
             options.named_inputs, options.own_component, options.components.get("NAMED_VALUE_FLOAT")
         )
+        chosen = dataflash_spools(options)
+        sources = [s for s in (*table.SOURCES, *named) if not (chosen and s.quantity == "spool")]
+        sources += chosen
         rows = RecordRows(
-            [*table.SOURCES, *named],
-            table.RANKING,
+            sources,
+            options.ranked(table.RANKING, sources),
             parameters=(PARAMETER, "Name", "Value"),
             timeout_us=options.source_timeout_us,
             settle_us=options.settle_us,
@@ -115,6 +117,7 @@ class DataflashReader:
 
     # ------------------------------------------------------------------ steps
 
+    @np.errstate(all="ignore")  # what a log holds may be no number at all
     def _use(self, tables: list[Table], parser: DataflashParser, rows: RecordRows) -> Batch:
         records = []
         for part in tables:
@@ -132,12 +135,14 @@ class DataflashReader:
             elif name in ("VER", "MSG") and (told := _vehicles(records[-1])) is not None:
                 records.append(told)
                 self._identify(int(told.columns["Type"][0]))
-        self._note_gaps(records)
+        begins, self._logs = parser.logs > self._logs, parser.logs
+        batch = rows.feed(records, self._rejected(parser), begins=begins)
+        batch = replace(batch, words=record_words(rows.timed))
         for part in tables:
             if part.format.name == "GPS" and self.info.start_unix_us is None:
-                self._date(part, _stamps(part))
-        batch = rows.feed(records, self._rejected(parser))
+                self._date(part, _stamps(part), rows.first_t_us or 0)
         info = self.info
+        info.gaps = rows.gaps
         info.messages, info.bad_bytes = parser.records, parser.bad_bytes
         info.first_t_us = rows.first_t_us or 0
         info.note_rows(rows.clock, rows.sensors)
@@ -161,7 +166,7 @@ class DataflashReader:
         if self.info.vehicle.autopilot == 0:
             self.info.vehicle = Vehicle(self._system, table.AUTOPILOT_ARDUPILOT, kind)
 
-    def _date(self, part: Table, stamps: NDArray[np.int64]) -> None:
+    def _date(self, part: Table, stamps: NDArray[np.int64], first_us: int) -> None:
         """Unix time of the log's first record, by a receiver's first time."""
         kinds = [part.format.kind(n) if n in part.format.columns else "" for n in _DATE]
         if any(kind not in ("i", "u") for kind in kinds):
@@ -171,23 +176,9 @@ class DataflashReader:
         if len(told):
             i = told[0]
             unix_us = _GPS_EPOCH_US + int(week[i]) * _WEEK_US + int(ms[i]) * 1000 - _LEAP_US
-            start_us = unix_us - (int(stamps[i]) - self._first_us)
+            start_us = unix_us - (int(stamps[i]) - first_us)
             if start_us >= UNIX_FROM_US:
                 self.info.start_unix_us = start_us
-
-    def _note_gaps(self, records: list[Records]) -> None:
-        place = np.concatenate([_NONE, *(r.place for r in records)])
-        stamp = np.concatenate([_NONE, *(r.stamp_us for r in records)])
-        stamp = stamp[np.argsort(place, kind="stable")]
-        stamp = stamp[stamp > 0]
-        if not len(stamp):
-            return
-        self._first_us = self._first_us or int(stamp[0])
-        steps = np.diff(stamp, prepend=self._last_us or stamp[0])
-        wide = np.flatnonzero((steps > GAP_US) & (steps < _DAY_US))
-        for i in wide[: MAX_GAPS - len(self.info.gaps)].tolist():
-            self.info.gaps.append((int(stamp[i] - steps[i]), int(steps[i])))
-        self._last_us = int(stamp[-1])
 
 
 def _columns(part: Table, wanted: dict[str, str]) -> Rows:
@@ -213,12 +204,13 @@ def _columns(part: Table, wanted: dict[str, str]) -> Rows:
 
 
 def _stamps(part: Table) -> NDArray[np.int64]:
-    """Time since boot of each record [us], 0 where it is not told."""
+    """Time since boot of each record [us], 0 where it is not told; as ``Records`` has it."""
     for name, us in (("TimeUS", 1), ("TimeMS", 1000)):
-        if name in part.format.columns and part.format.kind(name) in ("i", "u"):
-            raw = part.column(name)
-            usable = (raw > 0) & (raw < (1 << 50))
-            return np.where(usable, raw, 0).astype(np.int64) * us
+        kind = part.format.kind(name)
+        if kind in ("i", "u"):
+            wide = part.column(name).astype(f"{kind}8")
+            stamps: NDArray[np.int64] = np.clip(wide, 0, UNIX_FROM_US // us).astype(np.int64)
+            return stamps * us
     return np.zeros(len(part), np.int64)
 
 

@@ -154,7 +154,7 @@ class Format:
         """The same with the unit and multiplier of each field, as far as they are told."""
         told = zip(self.columns.items(), units, strict=False)
         changed = {
-            name: replace(column, unit=unit, multiplier=multiplier)
+            name: Column(name, column.letter, unit, multiplier)
             for (name, column), (unit, multiplier) in told
         }
         return replace(self, columns={**self.columns, **changed})
@@ -205,7 +205,9 @@ class Table:
 
     def columns(self) -> Iterator[tuple[str, NDArray[Any]]]:
         """All fields by name."""
-        return ((name, self.column(name)) for name in self.format.columns)
+        for name, column in self.format.columns.items():
+            value, divisor = self.raw[name], LETTERS[column.letter][1]
+            yield name, value if divisor == 1.0 else value / divisor
 
     def values(self, name: str, unit: str = "") -> NDArray[Any]:
         """Values of a field in a unit: by its own unit and multiplier where they are told."""

@@ -45,6 +45,9 @@ _DESCRIBING = frozenset({"FMT", *_COLUMNS})
 _RECORDS = 1 << 16
 """Records of one step of the walk."""
 
+MAX_RECORD = 256
+"""No record is longer [bytes]."""
+
 Ints = NDArray[np.int64]
 
 
@@ -67,6 +70,7 @@ class DataflashParser:
     def __init__(self, wanted: frozenset[str] | None = None) -> None:
         self._wanted = wanted
         self._rest = b""
+        self._buffer = np.empty(0, np.uint8)
         self._state = np.zeros(STATE, np.int64)
         self._state[IN_STEP] = 1
         self._lengths = np.zeros(TYPES, np.int64)
@@ -113,8 +117,7 @@ class DataflashParser:
     # ------------------------------------------------------------------ records
 
     def _walk(self, data: bytes, *, final: bool) -> Iterator[list[Table]]:
-        text = self._rest + data if self._rest else data
-        raw = np.frombuffer(text, np.uint8)
+        raw = self._held(data)
         state, counts = self._state, np.empty(TYPES, np.int64)
         state[POSITION] = 0
         while True:
@@ -134,7 +137,21 @@ class DataflashParser:
                 yield self._tables(raw, found, counts)
             elif state[POSITION] == before:
                 break
-        self._rest = text[int(state[POSITION]) :]
+        self._rest = raw[int(state[POSITION]) :].tobytes()
+
+    def _held(self, data: bytes) -> NDArray[np.uint8]:
+        """What waited and what came new, in memory that the next piece takes over."""
+        new, waiting = np.frombuffer(data, np.uint8), len(self._rest)
+        if not waiting:
+            return new
+        size = waiting + len(new)
+        if size > len(self._buffer):
+            self._buffer = np.empty(size + MAX_RECORD, np.uint8)
+        self._buffer[:waiting] = np.frombuffer(self._rest, np.uint8)
+        self._buffer[waiting:size] = new
+        held = self._buffer[:size]
+        held.flags.writeable = False
+        return held
 
     def _tables(self, raw: NDArray[np.uint8], found: int, counts: Ints) -> list[Table]:
         """Tables of the records that one step of the walk found."""
@@ -156,7 +173,8 @@ class DataflashParser:
             self.by_name["?" if layout is None else layout.name] += int(counts[t])
             if layout is not None and t in bodies and self._is_wanted(t):
                 body, place = bodies[t]
-                tables += _cut(Table(layout, body.view(layout.dtype), place), cuts.get(t, []))
+                rows = np.frombuffer(body, layout.dtype)  # a view would be checked field by field
+                tables += _cut(Table(layout, rows, place), cuts.get(t, []))
         return tables
 
     def _bodies(
@@ -173,15 +191,14 @@ class DataflashParser:
         places = np.empty(int(counts[given].sum()), np.int64)
         starts = self._starts[:found]
         gather(raw, starts, number, self._lengths, body_at, place_at, bodies, places)
-        return dict(
-            zip(
-                given,
-                zip(
-                    np.split(bodies, body_ends[:-1]), np.split(places, place_ends[:-1]), strict=True
-                ),
-                strict=True,
+        body_edges, place_edges = [0, *body_ends.tolist()], [0, *place_ends.tolist()]
+        return {
+            t: (
+                bodies[body_edges[k] : body_edges[k + 1]],
+                places[place_edges[k] : place_edges[k + 1]],
             )
-        )
+            for k, t in enumerate(given)
+        }
 
     def _name(self, type_: int) -> str:
         layout = self._formats.get(type_)
@@ -250,6 +267,8 @@ class DataflashParser:
 
 def _cut(table: Table, cuts: list[tuple[int, Format]]) -> list[Table]:
     """The table in parts: from each place on another format of the same layout holds."""
+    if not cuts:
+        return [table]
     edges = np.searchsorted(table.place, [at for at, _ in cuts]).tolist()
     layouts = [table.format, *(layout for _, layout in cuts)]
     parts = zip(itertools.pairwise([0, *edges, len(table)]), layouts, strict=True)

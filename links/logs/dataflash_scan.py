@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.jit import kernel
+from links.memory import copy_bytes
 
 __all__ = [
     "BAD",
@@ -220,7 +221,7 @@ def gather(
             continue
         size = lengths[kind] - HEADER
         to = body_at[kind]
-        bodies[to : to + size] = data[at + HEADER : at + HEADER + size]
+        copy_bytes(data, at + HEADER, bodies, to, size)
         body_at[kind] = to + size
         places[place_at[kind]] = number + i
         place_at[kind] += 1

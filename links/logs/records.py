@@ -17,20 +17,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from links.catalog import MAX_INSTANCES, Fill, Source
-from links.clock import ClockResult, Stamp, VehicleClock
+from links.catalog import MAX_INSTANCES
+from links.clock import UNIX_FROM_US, ClockResult, Stamp, VehicleClock
 from links.conversions import Payload
+from links.logs.base import MAX_GAPS
 from links.mavlink.pitot_ratios import PitotRatios
 from links.mavlink.rows import build_rows, instances
 from links.ranking import Candidate, SensorRows
+from links.record_sources import Joined, Leader, RecordSource
 from links.samples import Batch, Rows
 from links.vocabulary import Rejection
 
-__all__ = ["Joined", "Leader", "RecordRows", "RecordSource", "Records"]
+__all__ = ["RecordRows", "Records"]
 
 Places = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Rejected = Counter[tuple[str, Rejection]]
+
+AHEAD_US = 2_000_000
+"""A stamp this far ahead of the newest is believed at once [us]: no check sum tells a damaged one,
+and a second of a log without any record is a hole already."""
+
+GAP_US = 1_000_000
+"""Records further apart than this are a gap [us]."""
 
 _PARAMETER = np.dtype([("param_id", "S16"), ("param_value", "<f8")])
 
@@ -48,7 +57,8 @@ class Records:
     place : (n,) int64
         Number of each record among all of the file, ascending; orders records of all messages.
     stamp_us : (n,) int64 [us]
-        Stamp of each record since the vehicle's boot; 0 for none.
+        Stamp of each record since the vehicle's boot; 0 for none. One that no vehicle reaches, from
+        :data:`~links.clock.UNIX_FROM_US` on, makes its record unusable.
     instance
         Instance that all of them belong to; None where a column tells, or there is only one.
     """
@@ -58,67 +68,6 @@ class Records:
     place: Places
     stamp_us: NDArray[np.int64]
     instance: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Leader:
-    """The instance that another message names: the estimator in use, the selected sensor.
-
-    Attributes
-    ----------
-    message, field
-        Where its number stands; instance 0 until it is told.
-    """
-
-    message: str
-    field: str
-
-
-@dataclass(frozen=True, slots=True)
-class Joined:
-    """A field of a row that another message carries: its newest record before the row's counts.
-
-    Attributes
-    ----------
-    message
-        The other message.
-    fill
-        The field, as :class:`~links.catalog.Fill` has it; NaN until the message came.
-    instance
-        Column of the other message with its instance; None where it has only one, or where
-        ``Records.instance`` tells.
-    leader
-        Whose number picks the instance; None takes that of the row's own sensor.
-    add
-        Added to what the field holds already, instead of put in its place.
-    """
-
-    message: str
-    fill: Fill
-    instance: str | None = None
-    leader: Leader | None = None
-    add: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class RecordSource(Source):
-    """A line of a format's table.
-
-    Attributes
-    ----------
-    needs
-        Columns that its functions read, besides those of ``fills``.
-    joined
-        What comes from other messages.
-    """
-
-    needs: tuple[str, ...] = ()
-    joined: tuple[Joined, ...] = ()
-
-    @property
-    def columns(self) -> frozenset[str]:
-        """Columns without which the source cannot be used."""
-        return frozenset(self.needs).union(*(fill.fields for fill in self.fills))
 
 
 class Newest:
@@ -139,17 +88,19 @@ class Newest:
         if len(place):
             self._block[key] = (place, values)
 
-    def at(self, key: Any, place: Places, width: int) -> NDArray[np.float64]:
-        """Values in force at each place: (m, width), NaN before the first."""
+    def at(self, key: Any, place: Places, width: int) -> tuple[NDArray[np.float64], Mask]:
+        """Values in force at each place: (m, width), NaN before the first; where there are any."""
         out = np.full((len(place), width), np.nan)
+        known = np.full(len(place), key in self._before)
         if key in self._before:
             out[:] = self._before[key]
         if key in self._block:
             told, values = self._block[key]
             last = np.searchsorted(told, place, side="right") - 1
-            known = last >= 0
-            out[known] = values[last[known]]
-        return out
+            now = last >= 0
+            out[now] = values[last[now]]
+            known |= now
+        return out, known
 
 
 class RecordRows:
@@ -174,6 +125,10 @@ class RecordRows:
         The vehicle's clock, to read.
     first_t_us
         Vehicle time of the first record with one [us]; None before it.
+    timed
+        Records of the last chunk and their times.
+    gaps
+        (vehicle time of the last record before a gap [us], its length [us]), the first 1000.
     sensors
         What is chosen of all sources, and which message was used how often.
     """
@@ -204,8 +159,11 @@ class RecordRows:
         self._parameters = parameters
         self._ratios = PitotRatios(airspeed_ratio)
         self._newest = Newest()
-        self.clock = VehicleClock()
+        self._begins = False
+        self.clock = VehicleClock(AHEAD_US)
         self.first_t_us: int | None = None
+        self.timed: list[tuple[Records, ClockResult]] = []
+        self.gaps: list[tuple[int, int]] = []
         self.sensors = SensorRows(timeout_us, settle_us)
 
     @property
@@ -214,7 +172,14 @@ class RecordRows:
         parameters = () if self._parameters is None else self._parameters[:1]
         return frozenset((*self._table, *self._joins, *self._leaders, *parameters))
 
-    def feed(self, records: Sequence[Records], rejected: Rejected | None = None) -> Batch:
+    @np.errstate(all="ignore")  # what a log holds may be no number at all
+    def feed(
+        self,
+        records: Sequence[Records],
+        rejected: Rejected | None = None,
+        *,
+        begins: bool = False,
+    ) -> Batch:
         """Rows of one chunk's records.
 
         Parameters
@@ -223,12 +188,17 @@ class RecordRows:
             Any order; places go on from those of the chunk before.
         rejected
             What the reader itself rejected; goes into the batch.
+        begins
+            Another log begins with these records: where its stamps are older than those before, the
+            vehicle booted in between.
         """
         rejected = Counter() if rejected is None else rejected
         self._begin(records)
         offers: dict[str, list[Candidate]] = {}
         before = self.clock.reboots
-        for part, times in zip(records, self._times(records), strict=True):
+        self._begins |= begins
+        self.timed = list(zip(records, self._times(records), strict=True))
+        for part, times in self.timed:
             for rank, order, source in self._table.get(part.message, ()):
                 for sensor, at, rows in self._offers(source, part, times, rejected):
                     candidate = Candidate(rank, order, source, part.place[at], rows)
@@ -273,20 +243,38 @@ class RecordRows:
         place = np.concatenate([r.place for r in records])
         stamp = np.concatenate([r.stamp_us for r in records])
         order = np.argsort(place, kind="stable")
-        kind = np.where(stamp > 0, int(Stamp.USEC), int(Stamp.NONE))
+        told = (stamp > 0) & (stamp < UNIX_FROM_US)
+        if self._begins and told.any():
+            self._begins = False
+            self.clock.begin_boot(int(stamp[order][np.argmax(told[order])]))
+        kind = np.where(told, int(Stamp.USEC), int(Stamp.NONE))
         none = np.zeros(len(place), np.int64)
+        newest_us = self.clock.newest_us
         times = self.clock.advance(kind[order], stamp[order], none, {})
+        self._note_gaps(newest_us, times.t_us[times.ok])
         if self.first_t_us is None and times.ok.any():
             self.first_t_us = int(times.t_us[np.argmax(times.ok)])
         t_us, ok = np.empty(len(place), np.int64), np.empty(len(place), np.bool_)
         t_us[order], ok[order] = times.t_us, times.ok
         reason = {int(order[i]): why for i, why in times.reason.items()}
+        absurd = stamp >= UNIX_FROM_US
+        ok &= ~absurd
+        reason.update(dict.fromkeys(np.flatnonzero(absurd).tolist(), Rejection.OUT_OF_RANGE))
         at = 0
         for part in records:
             here = slice(at, at + len(part.place))
             why = {i - at: r for i, r in reason.items() if here.start <= i < here.stop}
             yield ClockResult(t_us[here], none[here], ok[here], why)
             at = here.stop
+
+    def _note_gaps(self, newest_us: int | None, t_us: Places) -> None:
+        """Where the newest time goes on by more than a gap: one damaged stamp makes none."""
+        if len(t_us):
+            first_us = int(t_us[0]) if newest_us is None else newest_us
+            newest = np.maximum.accumulate(np.concatenate(([first_us], t_us)))
+            steps = np.diff(newest)
+            for i in np.flatnonzero(steps > GAP_US)[: MAX_GAPS - len(self.gaps)].tolist():
+                self.gaps.append((int(newest[i]), int(steps[i])))
 
     # ------------------------------------------------------------------ rows
 
@@ -296,6 +284,8 @@ class RecordRows:
         """(sensor, indices, usable rows) that a source gives from the records of its message."""
         names = part.columns.dtype.names or ()
         if not source.columns <= set(names) or not len(part.place):
+            return
+        if source.number is not None and source.number != (part.instance or 0):
             return
         index = np.arange(len(part.place))
         if source.only is not None:
@@ -332,7 +322,7 @@ class RecordRows:
         """Fill one field from another message."""
         into = rows[join.fill.into]
         width = into.shape[1] if into.ndim > 1 else 1
-        values = self._values(join, sensor, place, width)
+        values, told = self._values(join, sensor, place, width)
         value = values if into.ndim > 1 else values[:, 0]
         if join.add:
             value = into + np.where(np.isfinite(value), value, 0.0)
@@ -340,6 +330,8 @@ class RecordRows:
         if join.fill.required:
             usable = inside.all(axis=1) if inside.ndim > 1 else inside
             known = ~np.isnan(value).any(axis=1) if value.ndim > 1 else ~np.isnan(value)
+            if not join.add:
+                good &= told
             for reason, bad in (
                 (Rejection.NON_FINITE, good & ~known),
                 (Rejection.OUT_OF_RANGE, good & known & ~usable),
@@ -347,19 +339,22 @@ class RecordRows:
                 if n := int(np.count_nonzero(bad)):
                     rejected[sensor, reason] += n
             good &= usable
-        rows[join.fill.into] = np.where(inside, value, np.nan)
+        rows[join.fill.into] = np.where(inside, value, np.nan if into.dtype.kind == "f" else 0)
 
-    def _values(self, join: Joined, sensor: str, place: Places, width: int) -> NDArray[np.float64]:
+    def _values(
+        self, join: Joined, sensor: str, place: Places, width: int
+    ) -> tuple[NDArray[np.float64], Mask]:
+        """Values of a joined field at each place, and where its message has come."""
         if join.leader is None:
             own = int(sensor[-1]) if sensor[-1].isdigit() else 0
             return self._newest.at((join, own), place, width)
-        number = self._newest.at(join.leader, place, 1)[:, 0]
+        number = self._newest.at(join.leader, place, 1)[0][:, 0]
         number = np.where(np.isnan(number), 0.0, number)
-        values = np.full((len(place), width), np.nan)
+        values, told = np.full((len(place), width), np.nan), np.zeros(len(place), np.bool_)
         for k in set(number.tolist()):
             here = number == k
-            values[here] = self._newest.at((join, int(k)), place[here], width)
-        return values
+            values[here], told[here] = self._newest.at((join, int(k)), place[here], width)
+        return values, told
 
 
 def _sensors(source: RecordSource, part: Records, index: Places) -> Iterator[tuple[str, Places]]:

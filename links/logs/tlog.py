@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo
+from links.logs.words import FrameWords
 from links.mavlink.columns import ColumnDecoder, Columns
 from links.mavlink.decode import Decoder
 from links.mavlink.framing import NO_STAMP
@@ -56,6 +58,7 @@ class TlogReader:
     ) -> None:
         self.decoder = Decoder(options, stamped=True)
         self.info = LogInfo(path, "tlog")
+        self._words = FrameWords(self.decoder)
         self._chunk = chunk
 
     def __iter__(self) -> Iterator[Batch]:
@@ -78,14 +81,15 @@ class TlogReader:
         info.bytes_read, info.bad_bytes = decoder.counters.bytes, decoder.counters.bad_bytes
         info.messages, info.vehicle = decoder.counters.messages, decoder.vehicle or info.vehicle
         info.note_rows(decoder.clock, decoder.sensors)
-        self._note_stamps(decoder.frames.stamp_us)
+        theirs = decoder.frames.component != decoder.options.own_component
+        self._note_stamps(decoder.frames.stamp_us[theirs])
         info.first_t_us = decoder.first_t_us or 0
         offset = decoder.t_us_of_unix_zero
         if offset is not None and info.start_unix_us is not None:
             stamped = info.start_unix_us + offset
             if 0 < info.first_t_us - stamped < DAY_US:  # else the stamps are no times
                 info.first_t_us = stamped
-        return batch
+        return replace(batch, words=self._words.take())
 
     def _note_stamps(self, stamps: NDArray[np.int64]) -> None:
         info = self.info
@@ -130,10 +134,10 @@ def tlog_columns(
     """
     decoder = ColumnDecoder(dialect, stamped=True, messages=messages)
     try:
-        data = np.fromfile(path, np.uint8)
+        with open(path, "rb", buffering=0) as file:
+            return decoder.finish_file(file)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from None
-    return decoder.finish(data)
 
 
 class TlogWriter:

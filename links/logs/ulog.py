@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,10 @@ from links.clock import UNIX_FROM_US
 from links.logs.base import CHUNK, MAX_GAPS, LogError, LogInfo, read_chunks
 from links.logs.records import RecordRows, Records
 from links.logs.ulog_format import MAGIC, START, Block, Note, Topic, TopicRows, UlogParser
+from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
+from links.spool_records import ulog_spools
 
 __all__ = ["UlogReader", "columns_of", "read_ulog"]
 
@@ -38,7 +41,7 @@ _TEXT = frozenset({"key"})
 
 _NONE = np.empty(0, np.int64)
 _PARAMETER = np.dtype([("name", "S16"), ("value", "<f8")])
-_LOGGED = np.dtype([("severity", "<i4"), ("text", "S50")])
+_LOGGED = np.dtype([("severity", "<i4"), ("text", "S128")])
 
 
 def columns_of(payload: Rows) -> Rows:
@@ -86,7 +89,8 @@ class UlogReader:
     path
         The file; it is opened when iteration starts.
     options
-        How MAVLink is read; of it the named inputs and time-outs hold here too.
+        How MAVLink is read; of it the rankings (by this format's own keys), engine-speed channels,
+        named inputs and time-outs hold here too.
     chunk
         Bytes read at a time; the samples do not depend on it.
 
@@ -108,9 +112,13 @@ class UlogReader:
 
     def __iter__(self) -> Iterator[Batch]:
         info, options = self.info, self._options
+        named = table.named_sources(options.named_inputs)
+        chosen = ulog_spools(options)
+        sources = [s for s in (*table.SOURCES, *named) if not (chosen and s.quantity == "spool")]
+        sources += chosen
         rows = RecordRows(
-            [*table.SOURCES, *table.named_sources(options.named_inputs)],
-            self._ranking(),
+            sources,
+            self._ranking(options.ranked(table.RANKING, sources)),
             timeout_us=options.source_timeout_us,
             settle_us=options.settle_us,
         )
@@ -124,19 +132,25 @@ class UlogReader:
         if not parser.counts:
             raise LogError(f"{info.path} has no data of a vehicle's sensors in it")
 
-    def _ranking(self) -> dict[str, tuple[str, ...]]:
-        """The table's ranking, with topics that are logged seldom behind the others."""
+    def _ranking(self, ranking: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        """A ranking with topics that are logged seldom behind the others, unless it was chosen."""
         rates = self._rates()
-        ranking = dict(table.RANKING)
-        ranking["imu"] = tuple(
-            key for key in ranking["imu"] if rates.get(key, 0.0) >= table.IMU_LEAST_HZ
-        )
         for quantity in ("imu", "gps", "airspeed"):
             keys = ranking[quantity]
-            best = max((rates.get(key, 0.0) for key in keys), default=0.0)
-            ranking[quantity] = tuple(
-                sorted(keys, key=lambda key: 0.0 < rates.get(key, 0.0) < _SELDOM * best)
-            )
+            if keys == table.RANKING[quantity]:
+                best = max((rates.get(key, 0.0) for key in keys), default=0.0)
+                ranking[quantity] = tuple(
+                    sorted(keys, key=lambda key: 0.0 < rates.get(key, 0.0) < _SELDOM * best)
+                )
+        fast = tuple(k for k in ranking["imu"] if rates.get(k, 0.0) >= table.IMU_LEAST_HZ)
+        watched = f"imu0 is watched by {fast[0]}" if fast else "no IMU is watched"
+        self.info.notes = [
+            f"{key} was logged at {rates[key]:.2g} Hz, too seldom to watch an IMU by "
+            f"({table.IMU_LEAST_HZ:g} Hz at least): {watched}"
+            for key in ranking["imu"]
+            if 0.0 < rates.get(key, 0.0) < table.IMU_LEAST_HZ
+        ]
+        ranking["imu"] = fast
         return ranking
 
     def _rates(self) -> dict[str, float]:
@@ -159,6 +173,7 @@ class UlogReader:
 
     # ------------------------------------------------------------------ blocks
 
+    @np.errstate(all="ignore")  # what a log holds may be no number at all
     def _use(self, block: Block, parser: UlogParser, rows: RecordRows) -> Batch:
         records = [r for part in block.data if (r := self._records(part, block)) is not None]
         place = np.concatenate([_NONE, *(r.place for r in records)])
@@ -168,6 +183,7 @@ class UlogReader:
         if len(stamp):
             self._newest_us = int(stamp[-1])
         batch = rows.feed(records, Counter(block.rejected))
+        batch = replace(batch, words=record_words(rows.timed))
         info = self.info
         info.bytes_read, info.bad_bytes = parser.bytes, parser.bad_bytes
         info.messages = parser.messages
@@ -253,7 +269,7 @@ class UlogReader:
                     message,
                     np.array([value for _, _, value in lines], dtype),
                     np.array([order for order, _, _ in lines], np.int64),
-                    np.array([s if s < 1 << 62 else 0 for _, s, _ in lines], np.int64),
+                    np.array([min(s, UNIX_FROM_US) for _, s, _ in lines], np.int64),
                 )
 
 
@@ -262,13 +278,13 @@ def _stamps(topic: Topic, columns: Rows) -> NDArray[np.int64]:
     names = columns.dtype.names or ()
     if "timestamp" not in names or columns.dtype["timestamp"] != np.dtype("<u8"):
         return np.zeros(len(columns), np.int64)
-    published = np.where(columns["timestamp"] < 1 << 62, columns["timestamp"], 0).astype(np.int64)
+    published: NDArray[np.int64] = np.minimum(columns["timestamp"], UNIX_FROM_US).astype(np.int64)
     sampled = "timestamp_sample"
     if topic.name in table.RECEIVED or sampled not in names:
         return published
     if columns.dtype[sampled] != np.dtype("<u8"):
         return published
-    taken = np.where(columns[sampled] < 1 << 62, columns[sampled], 0).astype(np.int64)
+    taken: NDArray[np.int64] = np.minimum(columns[sampled], UNIX_FROM_US).astype(np.int64)
     fresh = (taken > 0) & (taken <= published) & (published - taken < _MAX_AGE_US)
     return np.where(fresh, taken, published)
 

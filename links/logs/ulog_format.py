@@ -157,6 +157,7 @@ class UlogParser:
         self._state = np.zeros(STATE, np.int64)
         self._least = np.full(_NUMBERS, -1, np.int32)
         self._most = np.full(_NUMBERS, -1, np.int32)
+        self._odd = np.full(_NUMBERS, -1, np.int32)
         self._use = np.zeros(_NUMBERS, np.bool_)
         self._topic = np.full(_NUMBERS, -1, np.int64)
         self._found = np.empty((_FOUND, 4), np.int64)
@@ -226,7 +227,14 @@ class UlogParser:
             whole = cut > len(held)
             piece = raw if whole else raw[:cut]
             n = scan(
-                state, piece, final or not whole, self._least, self._most, self._use, self._found
+                state,
+                piece,
+                final or not whole,
+                self._least,
+                self._most,
+                self._odd,
+                self._use,
+                self._found,
             )
             found = self._found[:n]
             is_data = found[:, 0] == _DATA
@@ -299,7 +307,7 @@ class UlogParser:
         instance, number = body[0], body[1] | body[2] << 8
         name = body[3:].decode("utf-8", "replace")
         dtype = self._dtype(name)
-        self._use[number] = False
+        self._use[number], self._odd[number] = False, -1
         if dtype is None or not dtype.itemsize or len(self.topics) >= _MAX_TOPICS:
             self._least[number], self._most[number] = 0, _LARGEST
             return

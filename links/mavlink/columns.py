@@ -9,8 +9,9 @@ that MAVLink 1 never had read as zero.
 
 from __future__ import annotations
 
+import io
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.jit import kernel
-from links.mavlink.crc import load_word, store_word
 from links.mavlink.dialect import Dialect, Message, load_dialect
 from links.mavlink.scan import (
     BAD_CRC,
@@ -34,6 +34,7 @@ from links.mavlink.scan import (
     scan,
     stamp_before,
 )
+from links.memory import copy_bytes, store_word
 from links.samples import Rows
 
 __all__ = ["ColumnDecoder", "Columns", "record_dtype"]
@@ -50,8 +51,10 @@ _HEAD = [
     ("version", "u1"),
 ]
 _HEAD_SIZE = 16
-_WORD = 8
-_BLOCK = 1 << 19  # bytes that are scanned and counted while they are in the processor's cache
+_PIECE = 1 << 19  # bytes that are scanned and counted while they are in the processor's cache
+
+Read = Callable[[int, int], NDArray[np.uint8]]
+"""Gives bytes ``lo`` to ``hi`` of what is decoded; they hold until it is asked for others."""
 
 
 def record_dtype(message: Message) -> np.dtype[np.void]:
@@ -124,50 +127,77 @@ class ColumnDecoder:
 
     def feed(self, data: Block) -> Columns:
         """Messages that ``data`` completes; what is incomplete waits for more."""
-        return self._decode(b"".join((self._rest, data)) if self._rest else data, final=False)
+        return self._take(data, final=False)
 
     def finish(self, data: Block = b"") -> Columns:
         """The same, when no more will come; ready for a new stream."""
-        columns = self._decode(b"".join((self._rest, data)) if self._rest else data, final=True)
-        self._frames = 0
-        return columns
+        return self._take(data, final=True)
 
-    def _decode(self, block: Block, *, final: bool) -> Columns:
-        data = np.frombuffer(memoryview(block).toreadonly(), np.uint8)
+    def finish_file(self, file: io.FileIO) -> Columns:
+        """The same with all of a file, which is read twice, never more than a piece at a time.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read, or it became shorter meanwhile.
+        """
+        size, buffer = file.seek(0, io.SEEK_END), np.empty(_PIECE, np.uint8)
+
+        def read(lo: int, hi: int) -> NDArray[np.uint8]:
+            file.seek(lo)
+            piece = buffer[: hi - lo]
+            if file.readinto(piece.data) != len(piece):
+                raise OSError("it became shorter while it was read")
+            return piece
+
+        self._rest = b""
+        return self._decode(read, size, final=True)
+
+    def _take(self, block: Block, *, final: bool) -> Columns:
+        held = b"".join((self._rest, block)) if self._rest else block
+        data = np.frombuffer(memoryview(held).toreadonly(), np.uint8)
+        return self._decode(lambda lo, hi: data[lo:hi], len(data), final=final)
+
+    def _decode(self, read: Read, size: int, *, final: bool) -> Columns:
+        """Find and count all frames, then make room for their records and read them once more."""
         counts = np.zeros(len(self._messages), np.int64)
-        parts, bad_bytes, unknown, at = [], 0, Counter[int](), 0
+        found = np.empty((room(min(size, _PIECE)), 1), np.int64)
+        pieces: list[tuple[int, int, NDArray[np.uint32]]] = []
+        frames, bad_bytes, unknown, at = 0, 0, Counter[int](), 0
         while True:
-            upto = min(at + _BLOCK, len(data))
-            self._state[FINAL] = final and upto == len(data)
-            found = np.empty((room(upto - at), 1), np.int64)
-            _scan_and_count(
-                data[at:upto], at, self._extras, self._state, found, self._slots, counts
-            )
+            upto = min(at + _PIECE, size)
+            self._state[FINAL] = final and upto == size
+            piece = read(at, upto)
+            _scan_and_count(piece, self._extras, self._state, found, self._slots, counts)
             *_, n, strange, _, keep, _, _, garbage = self._state.tolist()
             unknown.update(found[len(found) - strange :, 0].tolist())
             bad_bytes += garbage
             self._state[BAD_CRC:] = 0
-            parts.append(found[:n].copy())
+            pieces.append((at, upto, found[:n, 0].astype(np.uint32)))
+            frames += n
             at += keep
-            if upto == len(data):
+            if upto == size:
                 break
-        self._rest = data[at:].tobytes()
-        frames = np.concatenate(parts)
-        messages = self._fill(data, frames, counts)
-        self._frames += len(frames)
-        return Columns(messages, len(frames), bad_bytes, unknown)
+        self._rest = piece[keep:].tobytes()
+        first, self._frames = self._frames, 0 if final else self._frames + frames
+        return Columns(self._records(read, pieces, first, counts), frames, bad_bytes, unknown)
 
-    def _fill(
-        self, data: NDArray[np.uint8], found: NDArray[np.int64], counts: NDArray[np.int64]
+    def _records(
+        self,
+        read: Read,
+        pieces: list[tuple[int, int, NDArray[np.uint32]]],
+        first: int,
+        counts: NDArray[np.int64],
     ) -> dict[str, Rows]:
         """Records of the frames; all of them share one piece of memory, each message a part."""
         spans = counts * (_HEAD_SIZE + self._sizes)
-        rooms = -(-spans // _WORD) * _WORD + _WORD * (counts > 0)  # the last store may go beyond
-        begin = np.cumsum(rooms) - rooms
-        memory = np.zeros(int(rooms.sum()), np.uint8)
-        _fill(data, found, self._frames, self._slots, self._sizes, begin.copy(), memory)
+        end = np.cumsum(spans)
+        memory, to = np.zeros(int(end[-1]), np.uint8), end - spans
+        for lo, hi, found in pieces:
+            _fill(read(lo, hi), found, first, self._slots, self._sizes, to, memory)
+            first += len(found)
         return {
-            self._messages[i].name: memory[begin[i] : begin[i] + spans[i]].view(self._dtypes[i])
+            self._messages[i].name: memory[end[i] - spans[i] : end[i]].view(self._dtypes[i])
             for i in np.flatnonzero(counts).tolist()
         }
 
@@ -182,15 +212,14 @@ def _wanted(dialect: Dialect, names: Collection[str] | None) -> list[Message]:
 
 @kernel
 def _scan_and_count(
-    data: Any, origin: int, extras: Any, state: Any, found: Any, slots: Any, counts: Any
+    data: Any, extras: Any, state: Any, found: Any, slots: Any, counts: Any
 ) -> None:
-    """Find a block's frames; make their places those in the whole; count each message's."""
+    """Find a piece's frames, see :func:`scan`; count each message's."""
     scan(data, extras, state, found)
     for i in range(state[FOUND]):
         slot = slots[message_at(data, found[i, 0] >> 1)]
         if slot >= 0:
             counts[slot] += 1
-        found[i, 0] += 2 * origin
 
 
 @kernel
@@ -199,24 +228,24 @@ def _fill(data: Any, found: Any, first: int, slots: Any, sizes: Any, to: Any, me
 
     Parameters
     ----------
-    found : (n, 1) int64
+    found : (n,) uint32
         Twice the offset of each frame in ``data``, plus 1 where it has a stamp.
     first
         Number of the first frame.
     slots : (m,) int16
         Message number -> place of the message in the next two, -1 for one that is not wanted.
     sizes, to : (s,) int64 [bytes]
-        Size of each message's payload; where its next record goes in ``memory``.
+        Size of each message's payload; where its next record goes in ``memory``, moved on.
     memory : (k,) uint8
-        All zero; 8 bytes more than the records need stand behind those of each message.
+        All zero where records will go.
     """
     for i in range(len(found)):
-        p = found[i, 0] >> 1
+        p: Any = np.int64(found[i] >> 1)
         slot = slots[message_at(data, p)]
         if slot < 0:
             continue
         v2 = data[p] == V2
-        unix_us = stamp_before(data, p) if found[i, 0] & 1 else np.int64(NO_STAMP)
+        unix_us = stamp_before(data, p) if found[i] & 1 else np.int64(NO_STAMP)
         head = p + (4 if v2 else 2)  # sequence, system, component
         who = np.uint64(data[head + 1]) | np.uint64(data[head + 2]) << np.uint64(8)
         who |= np.uint64(data[head]) << np.uint64(16) | np.uint64(1 + v2) << np.uint64(24)
@@ -224,26 +253,6 @@ def _fill(data: Any, found: Any, first: int, slots: Any, sizes: Any, to: Any, me
         store_word(memory, at, np.uint64(unix_us))
         store_word(memory, at + 8, who << np.uint64(32) | np.uint64((first + i) & 0xFFFFFFFF))
         at += _HEAD_SIZE
-        _copy(data, p + (HEAD_V2 if v2 else HEAD_V1), memory, at, data[p + 1], sizes[slot])
+        size = min(np.int64(data[p + 1]), sizes[slot])
+        copy_bytes(data, p + (HEAD_V2 if v2 else HEAD_V1), memory, at, size)
         to[slot] = at + sizes[slot]
-
-
-@kernel
-def _copy(data: Any, p: int, memory: Any, at: int, length: int, size: int) -> None:
-    """Copy a payload by words; what a word takes too much is made zero."""
-    n = min(np.int64(length), np.int64(size))
-    inside = len(data) - _WORD
-    done = 0
-    while done + _WORD <= n:
-        store_word(memory, at + done, load_word(data, p + done))
-        done += _WORD
-    left = n - done
-    if left > 0:
-        word = np.uint64(0)
-        if p + done <= inside:
-            word = load_word(data, p + done)
-            word &= ~(~np.uint64(0) << np.uint64(8 * left))
-        else:
-            for k in range(left - 1, -1, -1):
-                word = word << np.uint64(8) | np.uint64(data[p + done + k])
-        store_word(memory, at + done, word)

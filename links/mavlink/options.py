@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from links import catalog
@@ -28,7 +28,7 @@ class DecoderOptions:
     components
         Message -> component ids to take it from, where not the autopilot's alone.
     ranking
-        Quantity -> source keys, best first; replaces the entries of ``catalog.RANKING``.
+        Quantity -> source keys, best first; see :meth:`ranked`.
     spools
         Engine-speed channel -> (part of a message, rpm per unit), see
         :mod:`links.spool_sources`; when any is given, those of the catalogue are not used.
@@ -58,6 +58,30 @@ class DecoderOptions:
     source_timeout_us: int = 2_000_000
     settle_us: int = 2_000_000
     hold_back: int = 8192
+
+    def ranked(
+        self, ranking: Mapping[str, tuple[str, ...]], sources: Iterable[catalog.Source]
+    ) -> dict[str, tuple[str, ...]]:
+        """A format's ranking, with what was chosen in place of its own.
+
+        One choice may name messages of several formats. Of those that this format has the order
+        counts; where it has none of them, its own ranking stands.
+
+        Parameters
+        ----------
+        ranking
+            Quantity -> keys of the format, best first.
+        sources
+            All that the format can give.
+        """
+        known: dict[str, set[str]] = {}
+        for source in sources:
+            known.setdefault(source.quantity, set()).add(source.key)
+        out = dict(ranking)
+        for quantity, keys in self.ranking.items():
+            if own := tuple(key for key in keys if key in known.get(quantity, ())):
+                out[quantity] = own
+        return out
 
 
 @dataclass(frozen=True, slots=True)

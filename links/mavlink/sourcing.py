@@ -85,13 +85,13 @@ def source_table(
     ranking.update(catalog.RANKING_BY_AUTOPILOT.get(-1 if autopilot is None else autopilot, {}))
     if strange := set(options.ranking) - set(ranking):
         raise ValueError(f"no quantity is called {', '.join(sorted(map(repr, strange)))}")
-    ranking.update(options.ranking)
-    named = (
+    named = [
         catalog.named_source(name, sensor, into, scale)
         for name, (sensor, into, scale) in options.named_inputs.items()
-    )
+    ]
     chosen = [spool_source(sensor, *part) for sensor, part in options.spools.items()]
     given = [s for s in (*catalog.SOURCES, *named) if not (chosen and s.quantity == "spool")]
+    ranking = options.ranked(ranking, (*catalog.SOURCES, *named, *chosen))
     table: dict[int, list[Entry]] = {}
     for order, source in enumerate((*given, *chosen)):
         message = dialect.by_name.get(source.message)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from monitor.commands.common import console
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 __all__ = ["show"]
 
@@ -50,6 +54,7 @@ def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
     for what, count in summary["left_out"].items():
         if count:
             screen.print(f"  {count} more {what} are not listed")
+    _show_live(summary.get("live"), screen)
     learnt = summary["learnt"]
     if learnt is not None and learnt["note"] is not None:
         screen.print(f"  note: {learnt['note']}", soft_wrap=True)
@@ -57,7 +62,7 @@ def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
     screen.print(f"  {files[0]}", soft_wrap=True, markup=False)
 
 
-def _table(faults: Sequence[Mapping[str, Any]], *, evidence: bool) -> Any:
+def _table(faults: Sequence[Mapping[str, Any]], *, evidence: bool) -> Table:
     from rich.table import Table
 
     table = Table()
@@ -73,11 +78,59 @@ def _table(faults: Sequence[Mapping[str, Any]], *, evidence: bool) -> Any:
             fault["kind"],
             f"{fault['onset_s']:.1f} s",
             f"{fault['detected_s']:.1f} s",
-            "" if fault["cleared_s"] is None else f"{fault['cleared_s']:.1f} s",
+            _time(fault["cleared_s"]),
             "" if fault["magnitude"] is None else f"{fault['magnitude']:+.3g} {fault['unit']}",
             *([fault["evidence"]] if evidence else []),
         )
     return table
+
+
+def _show_live(live: Mapping[str, Any] | None, screen: Console) -> None:
+    """What a monitor said in flight, beside what this analysis says."""
+    if live is None:
+        return
+    for monitor in live["monitors"]:
+        number = monitor["component_id"]
+        faults = [line for line in live["faults"] if line["component_id"] == number]
+        spans = [f"{s['from_s']:.0f} to {s['to_s']:.0f} s" for s in monitor["silent"]]
+        more = f" and {len(spans) - NAMED} more times" if len(spans) > NAMED else ""
+        silent = f", silent {', '.join(spans[:NAMED])}{more}" if spans else ""
+        screen.print(
+            f"  live (component {number}), heard {monitor['from_s']:.0f} to {monitor['to_s']:.0f} s"
+            f"{silent}:{'' if faults else ' no fault was said'}",
+            soft_wrap=True,
+        )
+        if faults:
+            screen.print(_live_table(faults))
+
+
+def _live_table(lines: Sequence[Mapping[str, Any]]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table()
+    table.add_column("sensor", no_wrap=True)
+    for column in ("live", "cleared", "replay", "cleared", "live is"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("said in flight")
+    for line in lines:
+        delay_s, before = line["delay_s"], "before " if line["standing"] else ""
+        table.add_row(
+            line["sensor"],
+            "" if line["live_s"] is None else f"{before}{line['live_s']:.1f} s",
+            _time(line["live_cleared_s"]),
+            _time(line["replay_s"]),
+            _time(line["replay_cleared_s"]),
+            ("" if line["agreement"] == "both" else line["agreement"])
+            if delay_s is None
+            else f"{abs(delay_s):.1f} s {'earlier' if delay_s < 0 else 'later'}",
+            Text(line["said"] or ""),  # a log's own words, not markup
+        )
+    return table
+
+
+def _time(t_s: float | None) -> str:
+    return "" if t_s is None else f"{t_s:.1f} s"
 
 
 def _damage(log: Mapping[str, Any]) -> list[str]:
@@ -96,4 +149,4 @@ def _damage(log: Mapping[str, Any]) -> list[str]:
         named = ", ".join(f"{t_s:.0f} s" for t_s in boots[:NAMED])
         more = f" and {len(boots) - NAMED} more times" if len(boots) > NAMED else ""
         lines.append(f"the vehicle booted anew at {named}{more}")
-    return lines
+    return [*lines, *log["notes"]]

@@ -42,7 +42,10 @@ NAMES = {
     "engine": ("imkf_step",),
     "wing": ("mhmap_n50", "mhmap_n200"),
     "links": ("decode_tlog", "tlog_rows", "decode_live", "udp_roundtrip"),
+    "dataflash": ("decode_bin", "bin_rows"),
+    "ulog": ("decode_ulg", "ulg_rows"),
     "whole": ("pipeline", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
+    "fleet": ("fleet_speedup",),
     "hours": ("analyze", "analyze_two_imus", "analyze_all"),
     "memory": ("analyze_memory",),
 }
@@ -133,6 +136,14 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import wing
 
         cases += wing.cases()
+    if set(wanted) & set(NAMES["dataflash"]):
+        from monitor.commands.bench_cases import dataflash
+
+        cases += dataflash.cases(_dataflash(folder), folder)
+    if set(wanted) & set(NAMES["ulog"]):
+        from monitor.commands.bench_cases import ulog
+
+        cases += ulog.cases(_ulog(folder))
     log = log or _synthetic(folder)
     if not log.is_file():
         raise Refused(f"cannot read {log}")
@@ -140,6 +151,10 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import links
 
         cases += links.cases(log, folder)
+    if set(wanted) & set(NAMES["fleet"]):
+        from monitor.commands.bench_cases import fleet
+
+        cases += fleet.cases(log)
     if set(wanted) & set(NAMES["whole"]):
         from monitor.commands.bench_cases import whole
 
@@ -171,6 +186,28 @@ def _synthetic(folder: Path) -> Path:
     file = folder / f"{FLIGHT}.tlog"
     if not file.exists():
         write_log(load(FLIGHT).fly(), file)
+    return file
+
+
+def _dataflash(folder: Path) -> Path:
+    """DataFlash log of the same flight, over and over until it is large enough."""
+    from monitor.commands.bench_cases import BULK_BYTES
+    from sim_feeds.dataflash import ardupilot_log
+    from sim_feeds.scenario import load
+
+    file, log = folder / f"{FLIGHT}.BIN", ardupilot_log(load(FLIGHT).fly())
+    file.write_bytes(log.content(-(-BULK_BYTES // len(log.content())) + 1))
+    return file
+
+
+def _ulog(folder: Path) -> Path:
+    """ULog of the same flight, over and over until it is large enough."""
+    from monitor.commands.bench_cases import BULK_BYTES
+    from sim_feeds.scenario import load
+    from sim_feeds.ulog import px4_log
+
+    file, log = folder / f"{FLIGHT}.ulg", px4_log(load(FLIGHT).fly())
+    file.write_bytes(log.content(-(-BULK_BYTES // len(log.content())) + 1))
     return file
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +12,10 @@ import typer
 from monitor.commands.common import ConfigFile, Profile, Refused, console, note, progress
 
 if TYPE_CHECKING:
-    from monitor.learn import Change, Flight, Learnt
+    from monitor.fleet.sources import Source
+    from monitor.learn import Calibration, Change, Flight, Trial
     from monitor.learn.airframe import AirframeLearnt
     from monitor.learn.engine import EngineLearnt
-    from monitor.settings import Settings
 
 __all__ = ["app"]
 
@@ -32,7 +33,11 @@ def _group(context: typer.Context) -> None:
 @app.command()
 def thresholds(
     logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Healthy flights of one airframe.")
+        list[str],
+        typer.Argument(
+            metavar="LOG...",
+            help="Healthy flights of one airframe: files, folders, patterns, fsspec URLs.",
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="FILE.toml", help="File to write.")],
     profile: Profile = None,
@@ -45,42 +50,83 @@ def thresholds(
             help="The flights are healthy, whatever the thresholds in force say of them.",
         ),
     ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            "--workers",
+            min=1,
+            metavar="N",
+            help="Processes here; by default the cores, if there is much to read.",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Dask scheduler to use, such as tcp://host:8786."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
 ) -> None:
     """Fit thresholds to an airframe from its healthy flights.
 
     Needs 3 flights and 10 judged minutes of each sensor; lowers a threshold only on 5 flights and
-    an hour. Example: mavsentry learn thresholds healthy/*.tlog --out ranger.toml --airframe ranger
+    an hour. One flight in ten that is not healthy is left out and named. Example: mavsentry learn
+    thresholds healthy/*.tlog --out ranger.toml --airframe ranger
     """
-    from estimators.jit import is_cold
     from links.logs import LogError
-    from monitor.learn import Unfit, calibrate, document
-    from monitor.learn.runs import measure_logs
+    from monitor.fleet.engine import Died, EngineError, open_engine
+    from monitor.fleet.probe import check_same_code
+    from monitor.fleet.sources import SourceError
+    from monitor.learn import Unfit, calibrate, document, flagged_by_the_others
+    from monitor.learn.runs import logs_of, measure_logs
     from monitor.settings import SettingsError, by_hand
-    from monitor.warmup import COMPILING
 
     try:
         settings, hand = by_hand(profile, config)
-    except SettingsError as error:
+        sources = logs_of(logs)
+    except (SettingsError, SourceError) as error:
         raise Refused(str(error)) from None
     if out.exists() and not force:
         raise Refused(f"{out} is there already; --force overwrites it")
-    if is_cold():
-        note(COMPILING)
+    if scheduler is not None and jobs is not None:
+        raise Refused("--jobs are processes here; a cluster has the workers that it has")
 
-    def measure(tried: Settings, doing: str) -> list[Flight]:
+    def measure(trials: Sequence[Trial], doing: str) -> list[Flight]:
         with progress(doing) as tell:
-            return measure_logs(logs, tried, tell)
+            return measure_logs(working, [(sources[k], tried) for k, tried in trials], tell)
 
     try:
-        learnt = calibrate(measure, settings, airframe, assert_healthy=assert_healthy)
-    except (Unfit, LogError) as error:
+        with open_engine(_workers(sources, jobs, scheduler), scheduler) as working:
+            check_same_code(working)
+            calibration = calibrate(
+                measure, len(sources), settings, airframe, assert_healthy=assert_healthy
+            )
+            calibration = flagged_by_the_others(measure, calibration)
+    except (Unfit, LogError, EngineError, Died) as error:
         raise Refused(str(error)) from None
+    except OSError as error:
+        raise Refused(f"cannot read {error.filename or 'a log'}: {error.strerror}") from None
     try:
-        out.write_text(document(learnt, hand), encoding="utf-8")
+        out.write_text(document(calibration, hand), encoding="utf-8")
     except OSError as error:
         raise Refused(f"cannot write {out}: {error.strerror}") from None
-    _show(learnt, len(logs), out)
+    _show(calibration, out)
+
+
+def _workers(sources: Sequence[Source], asked: int | None, scheduler: str | None) -> int | None:
+    """Processes that are worth their start: none for little, and none without the extra."""
+    from importlib.util import find_spec
+
+    from estimators.jit import is_cold
+    from monitor.learn.runs import WORTH_BYTES
+    from monitor.warmup import COMPILING
+
+    if scheduler is not None or asked is not None:
+        return asked
+    if is_cold():
+        note(COMPILING)
+        return 0
+    little = len(sources) < 2 or sum(s.bytes for s in sources) < WORTH_BYTES
+    return 0 if little or find_spec("distributed") is None else None
 
 
 @app.command()
@@ -104,7 +150,7 @@ def engine(
     from links.logs import LogError
     from monitor.learn.engine import learn_engine, measure_engine
     from monitor.learn.engine_document import engine_document
-    from monitor.learn.thresholds import Unfit
+    from monitor.learn.fit import Unfit
     from monitor.settings import SettingsError, load
 
     try:
@@ -157,7 +203,7 @@ def airframe(
     """
     from links.logs import LogError
     from monitor.learn.airframe import airframe_document, learn_airframe, measure_airframe
-    from monitor.learn.thresholds import Unfit
+    from monitor.learn.fit import Unfit
     from monitor.settings import SettingsError, load
     from monitor.settings.wing import airframe_of
 
@@ -241,16 +287,21 @@ def _show_engine(learnt: EngineLearnt, out: Path) -> None:
     screen.print(f"wrote {out}: use it with --config {out}", soft_wrap=True)
 
 
-def _show(learnt: Learnt, flights: int, out: Path) -> None:
+def _show(calibration: Calibration, out: Path) -> None:
     """What was learnt as a table, what it rests on, what it promises."""
+    from rich.markup import escape
     from rich.table import Table
 
-    screen = console()
+    from monitor.learn.document import crossed_sentence
+
+    screen, learnt, flights = console(), calibration.learnt, len(calibration.numbers)
     table = Table()
     table.add_column("key", no_wrap=True)
     for column in ("default", "learnt", "healthy max"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("from")
+    table.add_column("without it", justify="right", no_wrap=True)
+    table.add_column("beyond", justify="right", no_wrap=True)
     table.add_column("so")
     for change in learnt.changes:
         moved = change.value != change.default
@@ -259,17 +310,35 @@ def _show(learnt: Learnt, flights: int, out: Path) -> None:
             f"{change.default:g}",
             f"{change.value:g}" if moved else "",
             "" if math.isnan(change.peak) else f"{change.peak:.3g}",
-            change.log,
+            escape(change.log),
+            f"{change.without:g}" if moved and change.loudest >= 0 else "",
+            f"{change.beyond} of {change.flights}" if change.flights else "",
             _effect(change),
         )
     screen.print(table)
+    for left in calibration.left_out:
+        screen.print(escape(f"left out, not healthy: {left.name}: {left.why}"), soft_wrap=True)
     screen.print(
-        f"{flights} flights, {learnt.hours:.2f} h judged, nothing found in them with these "
-        f"thresholds. If the flights to come are like them, false alarms are at most "
-        f"{3.0 / learnt.hours:.2g} an hour (95 %: 3 / {learnt.hours:.2f} h).",
+        f"Flights with a verdict: {calibration.flagged} of {flights} by the defaults, none by what "
+        f"was learnt. {escape(crossed_sentence(calibration))}",
         soft_wrap=True,
     )
+    screen.print(_promise(calibration), soft_wrap=True)
     screen.print(f"wrote {out}: use it with --config {out}", soft_wrap=True)
+
+
+def _promise(calibration: Calibration) -> str:
+    """How many false alarms the silence of these flights still allows."""
+    hours, left_out = calibration.learnt.hours, len(calibration.left_out)
+    said = (
+        f"{len(calibration.numbers)} flights, {hours:.2f} h judged, nothing found in them with "
+        "these thresholds. If the flights to come are like them, false alarms are at most "
+        f"{3.0 / hours:.2g} an hour (95 %: 3 / {hours:.2f} h)"
+    )
+    if left_out:
+        what = "the flight that was left out was" if left_out == 1 else "those left out were"
+        said += f"; more if {what} healthy"
+    return said + "."
 
 
 def _effect(change: Change) -> str:

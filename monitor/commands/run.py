@@ -53,7 +53,9 @@ def run(
     config: ConfigFile = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Record what is received as .tlog in this folder."),
+        typer.Option(
+            metavar="DIR", help="Record what is received and published as .tlog in this folder."
+        ),
     ] = None,
     json_lines: Annotated[
         bool, typer.Option("--json", help="Print each change of state as a line of JSON.")
@@ -126,7 +128,7 @@ def _assemble(
         Publisher(settings.publish, has_message),
         encode,
         here,
-        None if recorder is None else recorder.take,
+        recorder,
     )
     if time.monotonic() - began_s > SLOW_START_S and not isinstance(link_in, LogEndpoint):
         daemon.discard_waiting()

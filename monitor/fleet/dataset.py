@@ -14,7 +14,7 @@ written last: a log whose row is there has all of its other rows.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
@@ -26,7 +26,7 @@ from monitor.fleet.places import Place
 from monitor.fleet.sources import Source
 from monitor.fleet.tables import SCHEMAS, AircraftRule, rows_of
 
-__all__ = ["DATASET", "DatasetError", "Results", "known_logs", "load", "merged", "save"]
+__all__ = ["DATASET", "DatasetError", "Results", "load", "merged", "save", "unknown"]
 
 DATASET = "dataset"
 FILE = "part-0.parquet"
@@ -107,20 +107,35 @@ def _parts(place: Place, name: str, schema: pa.Schema) -> Iterator[pa.Table]:
             ) from None
 
 
-def known_logs(tables: Tables, key: str) -> dict[str, str]:
-    """Logs whose outcome stands, judged with this key: log -> stamp that it had."""
+def unknown(tables: Tables, key: str, sources: Sequence[Source]) -> list[Source]:
+    """Of these logs those whose outcome does not stand yet, or that have changed since.
+
+    A copy is known as long as the log that stands for it is.
+
+    Parameters
+    ----------
+    tables
+        The dataset.
+    key
+        Of the settings and code in force.
+    sources
+        The logs.
+    """
     logs = tables["logs"]
-    final = pa.array([str(Status.JUDGED), str(Status.UNUSABLE)])
+    final = pa.array([str(s) for s in (Status.JUDGED, Status.UNUSABLE, Status.COPY)])
     stands = pc.and_(pc.equal(logs["key"], key), pc.is_in(logs["status"], value_set=final))
-    logs = logs.filter(stands)
-    return dict(zip(logs["log"].to_pylist(), logs["stamp"].to_pylist(), strict=True))
+    columns = (logs.filter(stands)[c].to_pylist() for c in ("log", "stamp", "copy_of"))
+    known = {log: (stamp, copy_of) for log, stamp, copy_of in zip(*columns, strict=True)}
+    changed = {s.log for s in sources if not s.stamp or known.get(s.log, ("",))[0] != s.stamp}
+    return [s for s in sources if s.log in changed or known[s.log][1] in changed]
 
 
 def merged(old: Tables, new: Tables) -> dict[str, pa.Table]:
     """The rows of both, those of a log in ``new`` instead of those in ``old``; copies told apart.
 
     Of logs with the same bytes one stands for all: the others have no fault and sensor of their
-    own, so that no flight counts twice.
+    own, so that no flight counts twice. A copy whose original is of other bytes now is dropped: it
+    is to be judged anew.
     """
     anew = new["logs"]["log"]
     tables = {
@@ -129,12 +144,12 @@ def merged(old: Tables, new: Tables) -> dict[str, pa.Table]:
         )
         for name in SCHEMAS
     }
-    copies = _copies(tables["logs"])
-    if not copies:
+    copies, orphans = _copies(tables["logs"])
+    if not copies and not orphans:
         return tables
-    tables["logs"] = _marked(tables["logs"], copies)
+    logs = _marked(_without(tables["logs"], pa.array(orphans, pa.string())), copies)
     named = pa.array(list(copies), pa.string())
-    return {n: t if n == "logs" else _without(t, named) for n, t in tables.items()}
+    return {n: logs if n == "logs" else _without(t, named) for n, t in tables.items()}
 
 
 _ORDER = {
@@ -151,19 +166,22 @@ def _without(table: pa.Table, logs: pa.ChunkedArray | pa.Array) -> pa.Table:
     return table.filter(pc.invert(pc.is_in(table["log"], value_set=logs)))
 
 
-def _copies(logs: pa.Table) -> dict[str, str]:
-    """Log -> the log with the same bytes that stands for it."""
+def _copies(logs: pa.Table) -> tuple[dict[str, str], list[str]]:
+    """Log -> the log with the same bytes that stands for it; and copies of none."""
     standing: dict[str, str] = {}
     copies: dict[str, str] = {}
+    orphans = []
     columns = (logs[c].to_pylist() for c in ("status", "log", "sha256"))
     rows = [r for r in zip(*columns, strict=True) if r[0] in (Status.JUDGED, Status.COPY)]
     rows.sort(key=lambda r: r[0] == Status.COPY)  # of two, the one that was judged stands
-    for _, log, sha256 in rows:
+    for status, log, sha256 in rows:
         if sha256 in standing:
             copies[log] = standing[sha256]
-        else:
+        elif status == Status.JUDGED:
             standing[sha256] = log
-    return copies
+        else:
+            orphans.append(log)
+    return copies, orphans
 
 
 def _marked(logs: pa.Table, copies: Mapping[str, str]) -> pa.Table:

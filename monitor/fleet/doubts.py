@@ -1,7 +1,7 @@
 """Why a fault that was found may be a false alarm: reasons to look at it first, never a verdict.
 
-The first three are seen in one flight alone; whether a sensor's fault stands alone among the
-aircraft's flights is seen in the dataset (:mod:`monitor.fleet.page`).
+All but the last are seen in one flight alone; whether a sensor's fault stands alone among the
+aircraft's flights is seen in the dataset (:mod:`monitor.fleet.figures`).
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from typing import Any
 
 from links.vocabulary import Reason, State
 
-__all__ = ["Doubt", "autopilot_agrees", "doubts"]
+__all__ = ["WHY", "Doubt", "autopilot_agrees", "doubts"]
 
 SOON_S = 20.0
 """A fault that was over after this time had no lasting cause [s]."""
+AT_FIRST_S = 10.0
+"""A fault named so soon after judging began may be of the take-off, or of what was learnt [s]."""
 AT_ONCE_S = 5.0
 """Faults named within this time of each other came at once [s]."""
 MANY = 3
@@ -26,15 +28,32 @@ AGREES_S = 30.0
 """The autopilot's own check that fires within this time after the onset agrees [s]."""
 
 _LOST = frozenset({Reason.REFERENCE_MISSING, Reason.REFERENCE_NOT_TRUSTED, State.STALE})
+_BEFORE = frozenset({Reason.ON_GROUND, Reason.LEARNING})
 
 
 class Doubt(StrEnum):
     """What speaks against a fault, in a few words."""
 
     SOON_OVER = "came and went"
+    AT_FIRST = "as soon as it was judged"
     MANY_AT_ONCE = "many instruments at once"
     REFERENCE_LOST = "a reference was lost near it"
     ALONE = "the aircraft's other flights are clean"
+
+
+WHY = {
+    Doubt.SOON_OVER: f"The sensor was ok again within {SOON_S:.0f} s of being named: what breaks "
+    "seldom mends itself. A gust, a manoeuvre or a loose plug does.",
+    Doubt.AT_FIRST: f"It was named within {AT_FIRST_S:.0f} s of the first judgement after take-off "
+    "or learning: either it was broken on the ground already, or what was learnt is wrong.",
+    Doubt.MANY_AT_ONCE: f"{MANY} or more instruments were named within {AT_ONCE_S:.0f} s: "
+    "what they are all held against may be wrong instead.",
+    Doubt.REFERENCE_LOST: "The satellite receiver, the attitude or the sensor's own reference was "
+    f"lost or not trusted within {AROUND_S:.0f} s.",
+    Doubt.ALONE: "This sensor of this aircraft has a fault in this flight alone. That is said of a "
+    "candidate only, and makes none: most sensors break once.",
+}
+"""What each doubt rests on, in a sentence for people."""
 
 
 def doubts(fault: Mapping[str, Any], summary: Mapping[str, Any]) -> list[Doubt]:
@@ -51,6 +70,13 @@ def doubts(fault: Mapping[str, Any], summary: Mapping[str, Any]) -> list[Doubt]:
     named_s = float(fault.get("isolated_s", fault["detected_s"]))
     if fault["cleared_s"] is not None and fault["cleared_s"] - named_s < SOON_S:
         found.append(Doubt.SOON_OVER)
+    if any(
+        span["reason"] in _BEFORE and 0.0 <= named_s - span["to_s"] <= AT_FIRST_S
+        for sensor in summary["monitored"]
+        if sensor["sensor"] == fault["sensor"]
+        for span in sensor["unmonitored"]
+    ):
+        found.append(Doubt.AT_FIRST)
     at_once = {
         str(other["sensor"]).partition(".")[0]
         for other in summary["faults"]

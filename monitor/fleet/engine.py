@@ -1,48 +1,35 @@
-"""Many tasks on many processes: Dask, on this computer or on a cluster that stands.
+"""Many tasks, each a log: in this process, on this computer's cores, or on a cluster that stands.
 
-A task is one log. Only a few tasks for each worker are handed to the scheduler at a time, so that a
-hundred thousand of them cost it nothing. A worker that dies takes nothing with it: its task, and
-results that nobody had fetched yet, are made again by another. What a task raises belongs to that
-task alone.
+::
+
+    with open_engine(workers=4) as engine:
+        for ended in engine.run(judge, logs, retries=1):
+            use(ended.item, ended.result, ended.error)
+
+The function and its items must pickle. What a task raises belongs to that task alone; results come
+in whatever order the tasks end in.
 """
 
 from __future__ import annotations
 
-import logging
-import os
-import queue
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
-__all__ = ["Ended", "Engine", "EngineError", "open_engine"]
+__all__ = ["Died", "Ended", "Engine", "EngineError", "Here", "Waiting", "open_engine"]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-AHEAD = 8
-"""Tasks handed out for each worker at a time: enough that none waits, few to be called back."""
-POLL_S = 0.5
-CONNECT_S = 10.0
-MEMORY_SHARE = 0.8
-"""Of the computer's memory: what the workers of a local cluster may take together."""
-
-_ONE_THREAD = dict.fromkeys(
-    (
-        "OMP_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "NUMBA_NUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-    ),
-    "1",
-)
-"""One numeric thread for each worker: there is one worker for each core."""
+Waiting = Callable[[], None]
 
 
 class EngineError(Exception):
     """The workers cannot be had, in one plain sentence."""
+
+
+class Died(Exception):
+    """Every worker that took the task died of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,27 +41,15 @@ class Ended(Generic[Item, Result]):
     error: BaseException | None
 
 
-class Engine:
-    """Runs tasks on the workers of one cluster.
-
-    Parameters
-    ----------
-    client
-        A connected ``distributed.Client``.
-    """
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
+class Engine(Protocol):
+    """Runs tasks."""
 
     @property
     def workers(self) -> int:
         """Tasks that run at once."""
-        return sum(self._client.nthreads().values())
 
     def everywhere(self, function: Callable[..., Result], *arguments: object) -> dict[str, Result]:
-        """Call ``function`` once on every worker; worker's address -> result."""
-        found: dict[str, Result] = self._client.run(function, *arguments)
-        return found
+        """Call ``function`` once on every worker; worker's name -> result."""
 
     def run(
         self,
@@ -82,12 +57,16 @@ class Engine:
         items: Iterable[Item],
         *,
         retries: int = 0,
-        waiting: Callable[[], None] = lambda: None,
+        waiting: Waiting = lambda: None,
     ) -> Iterator[Ended[Item, Result]]:
         """Call ``function`` on each item, in any order; yield each as it ends.
 
         Parameters
         ----------
+        function
+            Of one item; a function of a module.
+        items
+            Taken from only as there is room for them: a hundred thousand cost no memory.
         retries
             How often a task that raised is tried again.
         waiting
@@ -96,116 +75,71 @@ class Engine:
         Raises
         ------
         EngineError
-            The cluster is gone.
+            The workers are gone.
         """
-        left = iter(items)
-        under_way: dict[Any, Item] = {}
-        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        try:
-            while True:
-                for item in self._some(left, len(under_way)):
-                    future = self._client.submit(function, item, pure=False, retries=retries)
-                    under_way[future] = item
-                    future.add_done_callback(ended.put)
-                if not under_way:
-                    return
-                try:
-                    future = ended.get(timeout=POLL_S)
-                except queue.Empty:
-                    self._alive()
-                    waiting()
-                    continue
-                yield self._collected(future, under_way.pop(future))
-        finally:
-            self._client.cancel(list(under_way))
 
-    def _some(self, items: Iterator[Item], under_way: int) -> Iterator[Item]:
-        """The next items, as many as there is room for."""
-        for _ in range(under_way, AHEAD * max(self.workers, 1)):
-            try:
-                yield next(items)
-            except StopIteration:
-                return
 
-    def _collected(self, future: Any, item: Item) -> Ended[Item, Result]:
-        from distributed import CancelledError
+class Here:
+    """One task after the other in this process: no start of others, no protection from a crash."""
 
-        try:
-            return Ended(item, future.result(), None)
-        except CancelledError as error:
-            self._alive()
-            return Ended(item, None, error)
-        except (KeyboardInterrupt, SystemExit):
-            raise
-        except BaseException as error:
-            return Ended(item, None, error)
+    @property
+    def workers(self) -> int:
+        """Tasks that run at once."""
+        return 1
 
-    def _alive(self) -> None:
-        if self._client.status != "running":
-            raise EngineError("the connection to the scheduler is lost")
+    def everywhere(self, function: Callable[..., Result], *arguments: object) -> dict[str, Result]:
+        """Call ``function`` here."""
+        return {"this process": function(*arguments)}
+
+    def run(
+        self,
+        function: Callable[[Item], Result],
+        items: Iterable[Item],
+        *,
+        retries: int = 0,
+        waiting: Waiting = lambda: None,
+    ) -> Iterator[Ended[Item, Result]]:
+        """As :meth:`Engine.run` has it, in the order of the items."""
+        for item in items:
+            waiting()
+            yield _tried(function, item, retries)
+
+
+def _tried(function: Callable[[Item], Result], item: Item, retries: int) -> Ended[Item, Result]:
+    try:
+        return Ended(item, function(item), None)
+    except Exception as error:
+        return _tried(function, item, retries - 1) if retries > 0 else Ended(item, None, error)
 
 
 @contextmanager
-def open_engine(workers: int | None = None, scheduler: str | None = None) -> Iterator[Engine]:
-    """A cluster to run tasks on, let go afterwards.
+def open_engine(
+    workers: int | None = None, scheduler: str | None = None, *, tasks: int | None = None
+) -> Iterator[Engine]:
+    """Workers to run tasks on, let go afterwards.
 
     Parameters
     ----------
     workers
-        Processes of a local cluster; None takes one for each core.
+        Processes on this computer, each with one numeric thread; None takes one for each core that
+        memory is there for; 0 is this process itself, and needs no Dask.
     scheduler
-        Address of a scheduler that stands, such as ``tcp://host:8786``; its workers are used.
+        Address of a Dask scheduler that stands, such as ``tcp://host:8786``; its workers are used.
+    tasks
+        How many there will be, if that is known: no more processes than that are started.
 
     Raises
     ------
     EngineError
         The extra `fleet` is not installed, or the scheduler does not answer or has no worker.
     """
+    if workers == 0 and scheduler is None:
+        yield Here()
+        return
     try:
-        import dask
-        import distributed
-    except ModuleNotFoundError:
-        raise EngineError("this needs Dask: pip install 'mavsentry[fleet]'") from None
-    configuration = {
-        "distributed.logging.distributed": "critical",
-        "distributed.scheduler.worker-saturation": 1.0,
-        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
-    }
-    with dask.config.set(configuration):
-        if scheduler is None:
-            with _local(distributed, workers or os.cpu_count() or 1) as client:
-                yield Engine(client)
-            return
-        try:
-            client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as error:
-            raise EngineError(f"no scheduler answers at {scheduler}: {_short(error)}") from None
-        with client:
-            if not client.nthreads():
-                raise EngineError(f"the scheduler at {scheduler} has no worker")
-            yield Engine(client)
-
-
-@contextmanager
-def _local(distributed: Any, workers: int) -> Iterator[Any]:
-    """A client of processes on this computer that listen on the loopback only."""
-    from distributed.system import MEMORY_LIMIT
-
-    with (
-        distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address=None,
-            memory_limit=int(MEMORY_SHARE * MEMORY_LIMIT / workers),
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
-        yield client
-
-
-def _short(error: BaseException) -> str:
-    """The first line of what an exception says, or its name."""
-    return (str(error).splitlines() or [""])[0] or type(error).__name__
+        from monitor.fleet.cluster import local_cluster, standing_cluster
+    except ModuleNotFoundError as error:
+        raise EngineError(f"this needs Dask ({error}): pip install 'mavsentry[fleet]'") from None
+    local = scheduler is None
+    with local_cluster(workers, tasks) if local else standing_cluster(str(scheduler)) as engine:
+        yield engine

@@ -6,7 +6,11 @@ A file appears whole or not at all on this computer, and object stores do the sa
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -78,6 +82,27 @@ class Place:
             os.replace(part, path)
         finally:
             part.unlink(missing_ok=True)
+
+    @contextmanager
+    def staged(self, name: str) -> Iterator[Path]:
+        """A folder to write files into; those of a URL are sent there at the end."""
+        if self._system is None:
+            yield Path(self._root, name)
+            return
+        with tempfile.TemporaryDirectory(prefix="mavsentry-") as near:
+            yield Path(near)
+            for file in sorted(p for p in Path(near).rglob("*") if p.is_file()):
+                far = self._path(f"{name}/{file.relative_to(near).as_posix()}")
+                self._system.makedirs(str(PurePosixPath(far).parent), exist_ok=True)
+                self._system.put_file(str(file), far)
+
+    def clear(self, name: str) -> None:
+        """Remove a folder with all files under it, if it is there."""
+        if self._system is None:
+            if Path(self._root, name).is_dir():
+                shutil.rmtree(Path(self._root, name))
+        elif self._system.exists(self._path(name)):
+            self._system.rm(self._path(name), recursive=True)
 
     def remove(self, name: str) -> None:
         """Remove a file, if it is there."""

@@ -2,55 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 
-from monitor.fleet.dataset import Results, Tables, known_logs, merged, save
-from monitor.fleet.engine import Engine
-from monitor.fleet.outcome import Outcome, Status, failed
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from monitor.fleet.dataset import Results, Tables, merged, save, unknown
+from monitor.fleet.engine import Died, Engine
+from monitor.fleet.outcome import failed
 from monitor.fleet.page import write_page
 from monitor.fleet.places import Place
 from monitor.fleet.sources import Source
 from monitor.fleet.tables import AircraftRule
-from monitor.fleet.task import Plan, Task, TooSlow, judge
+from monitor.fleet.task import Plan, Task, judge
 
-__all__ = ["Account", "judge_all", "said"]
+__all__ = ["Account", "judge_all", "left"]
 
 
 @dataclass(slots=True)
 class Account:
-    """What a run did, counted.
+    """What a run did, counted over all logs that it was given.
 
     Attributes
     ----------
     logs
-        Named by the patterns.
+        Given.
     known
         Left as they were: judged before with the same settings and code, and not changed since.
-    judged, unusable, failed
-        Of those that were not known.
-    faults
-        Found in those that were not known.
+    by_status
+        What became of the others while the run goes on, of all logs at its end: status -> logs.
+    reasons
+        Why logs were not judged: reason -> logs.
+    faulty, faults
+        Logs with a fault, and faults in all of them.
     """
 
     logs: int = 0
     known: int = 0
-    judged: int = 0
-    unusable: int = 0
-    failed: int = 0
+    by_status: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    faulty: int = 0
     faults: int = 0
 
     @property
     def done(self) -> int:
-        """Logs that need nothing more."""
-        return self.known + self.judged + self.unusable + self.failed
+        """Logs that this run need not look at any more."""
+        return self.known + sum(self.by_status.values())
 
-    def note(self, outcome: Outcome) -> None:
-        """Count one outcome."""
-        self.judged += outcome["status"] == Status.JUDGED
-        self.unusable += outcome["status"] == Status.UNUSABLE
-        self.failed += outcome["status"] == Status.FAILED
-        self.faults += len(outcome["faults"])
+    def note(self, status: str, reason: str, faults: int) -> None:
+        """Count one log."""
+        self.by_status[status] += 1
+        if reason:
+            self.reasons[reason] += 1
+        self.faulty += faults > 0
+        self.faults += faults
 
 
 def judge_all(
@@ -91,34 +98,51 @@ def judge_all(
     OSError
         The dataset or the page cannot be written.
     """
-    known = {} if plan.again else known_logs(old, plan.key)
-    todo = [s for s in sources if not s.stamp or known.get(s.log) != s.stamp]
+    todo = left(sources, plan, old)
     account = Account(logs=len(sources), known=len(sources) - len(todo))
     results = Results(aircraft)
     tell(account)
-    tasks = (Task(source, plan) for source in todo)
+    ends = engine.run(judge, _tasks(todo, plan), retries=retries, waiting=lambda: tell(account))
     try:
-        for ended in engine.run(judge, tasks, retries=retries, waiting=lambda: tell(account)):
-            outcome = ended.result or failed(plan.key, said(ended.error))
+        for ended in ends:
+            outcome = ended.result or failed(plan.key, _said(ended.error))
             results.add(ended.item.source, outcome)
-            account.note(outcome)
+            account.note(outcome["status"], outcome["reason"], len(outcome["faults"]))
             tell(account)
     finally:
-        place = Place(plan.out)
-        tables = merged(old, results.tables())
+        place, tables = Place(plan.out), merged(old, results.tables())
         save(place, tables)
         write_page(place, tables, plan.key)
-    return account
+    return _final(account, sources, tables)
 
 
-def said(error: BaseException | None) -> str:
+def left(sources: Sequence[Source], plan: Plan, old: Tables) -> list[Source]:
+    """The logs that are not known: parameters as of :func:`judge_all`."""
+    return list(sources) if plan.again else unknown(old, plan.key, sources)
+
+
+def _tasks(todo: Sequence[Source], plan: Plan) -> Iterator[Task]:
+    sizes = Counter(source.bytes for source in todo)
+    for source in todo:
+        yield Task(source, plan, twin=sizes[source.bytes] > 1)
+
+
+def _final(account: Account, sources: Sequence[Source], tables: Tables) -> Account:
+    """The account of all logs that were given, known ones and copies told apart."""
+    logs = tables["logs"]
+    logs = logs.filter(pc.is_in(logs["log"], value_set=pa.array([s.log for s in sources])))
+    final = Account(account.logs, account.known)
+    columns = (logs[column].to_pylist() for column in ("status", "reason", "faults"))
+    for status, reason, faults in zip(*columns, strict=True):
+        final.note(status, reason, faults)
+    return final
+
+
+def _said(error: BaseException | None) -> str:
     """Why a task failed, in one sentence."""
-    kind = type(error).__name__
-    if kind == "KilledWorker":
-        return "every worker that took it died: killed, or out of memory"
-    if isinstance(error, TooSlow):
-        return str(error)
+    if isinstance(error, Died):
+        return "every worker that took it died: out of memory, or a crash"
     if isinstance(error, OSError):
         return f"cannot read or write: {error.strerror or error}"
-    text = (str(error).splitlines() or [""])[0]
+    kind, text = type(error).__name__, (str(error).splitlines() or [""])[0]
     return f"{kind}: {text}" if text else kind

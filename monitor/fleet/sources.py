@@ -75,7 +75,10 @@ def expand(patterns: Iterable[str]) -> list[Source]:
     """
     found: dict[str, Source] = {}
     for pattern in patterns:
-        sources = list(_remote(pattern) if is_url(pattern) else _local(pattern))
+        try:
+            sources = list(_remote(pattern) if is_url(pattern) else _local(pattern))
+        except OSError as error:
+            raise SourceError(f"cannot list {pattern}: {error.strerror or error}") from None
         if not sources:
             raise SourceError(f"there is no log at {pattern}")
         found |= {source.log: source for source in sources}
@@ -118,16 +121,19 @@ def _local(pattern: str) -> Iterator[Source]:
         found = (Path(p) for p in glob.iglob(pattern, recursive=True))
         paths = (p for p in found if p.is_file())
     for file in paths:
-        state = file.stat()
+        try:
+            state = file.stat()
+        except FileNotFoundError:  # removed since it was listed
+            continue
         yield Source(str(file.absolute()), state.st_size, f"{state.st_size}-{state.st_mtime_ns}")
 
 
 def _remote(pattern: str) -> Iterator[Source]:
-    import fsspec
-
     first, _, rest = pattern.partition("::")
     scheme = first.partition("://")[0]
     try:
+        import fsspec
+
         system, path = fsspec.url_to_fs(pattern)
         if system.isdir(path):
             listed = system.find(path, detail=True)
@@ -138,11 +144,12 @@ def _remote(pattern: str) -> Iterator[Source]:
         else:
             files = {path: system.info(path)}
     except ImportError as error:
-        raise SourceError(f"{scheme}:// needs a package more: {error}") from None
+        raise SourceError(f"{scheme}:// needs one more package: {error}") from None
     except FileNotFoundError:
         return
     except Exception as error:
-        raise SourceError(f"cannot list {pattern}: {error or type(error).__name__}") from None
+        said = " ".join(str(error).split())[:200] or type(error).__name__
+        raise SourceError(f"cannot list {pattern}: {said}") from None
     for name, detail in files.items():
         log = _with_rest(str(system.unstrip_protocol(name)), rest)
         yield Source(log, int(detail.get("size") or 0), _stamp(detail))

@@ -5,19 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+import traceback
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from monitor.fleet.outcome import Outcome, judged, read_outcome, unusable
+from monitor.fleet.outcome import Outcome, Status, failed, judged, read_outcome, unusable
 from monitor.fleet.places import Place, report_folder
 from monitor.fleet.sources import Source, opened
 from monitor.settings import Settings
 
-__all__ = ["Plan", "Task", "TooSlow", "code_version", "judge", "make_plan"]
+__all__ = ["Plan", "Task", "code_version", "judge", "make_plan"]
 
 OUTCOME = "outcome.json"
 SUMMARY = "summary.json"
@@ -25,7 +27,7 @@ PACKAGES = ("links", "estimators", "monitor")
 CODE_SUFFIXES = frozenset({".py", ".toml", ".json", ".csv"})
 
 
-class TooSlow(Exception):
+class _TooSlow(Exception):
     """A log that took longer than it may."""
 
 
@@ -43,6 +45,8 @@ class Plan:
         Digest of the configuration and the code: outcomes of another key are not taken up.
     limit_s
         Longest time that a log may take [s].
+    estimates
+        Write the estimates of each log beside its summary.
     again
         Judge logs whose outcome is known, too.
     """
@@ -51,24 +55,42 @@ class Plan:
     settings: str
     key: str
     limit_s: float = 3600.0
+    estimates: bool = False
     again: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One log, and what is done with it."""
+    """One log, and what is done with it.
+
+    Attributes
+    ----------
+    twin
+        Another log of the run is as long: it may be a copy, which is not analyzed at the same time.
+    """
 
     source: Source
     plan: Plan
+    twin: bool = False
 
 
 def make_plan(
-    settings: Settings, out: str, *, limit_s: float = 3600.0, again: bool = False
+    settings: Settings,
+    out: str,
+    *,
+    limit_s: float = 3600.0,
+    estimates: bool = False,
+    again: bool = False,
 ) -> Plan:
     """The plan of a fleet with these settings."""
     text = settings.model_dump_json()
-    key = hashlib.sha256(f"{code_version()}\0{text}".encode()).hexdigest()[:16]
-    return Plan(out, text, key, limit_s, again)
+    return Plan(out, text, _key(text, estimates), limit_s, estimates, again)
+
+
+@lru_cache(maxsize=4)
+def _key(settings: str, estimates: bool) -> str:
+    content = "\0".join((code_version(), settings, "estimates" if estimates else ""))
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 @cache
@@ -91,44 +113,86 @@ def code_version() -> str:
 def judge(task: Task) -> Outcome:
     """Analyze one log, write its report, return its outcome.
 
-    An outcome that stands already, for the same bytes, settings and code, is returned as it is.
+    An outcome that stands already, for the same bytes, settings and code, is returned as it is. One
+    that failed is not kept: the next run tries the log again.
 
     Raises
     ------
     OSError
         The log cannot be read or the report not be written: worth another try.
-    TooSlow
-        It took longer than the plan allows.
     """
-    from links.logs import LogError
-
-    plan, began_s = task.plan, time.monotonic()
-    place = _place(plan.out)
-    with opened(task.source) as (path, sha256):
-        folder = report_folder(sha256)
+    plan = task.plan
+    if _key(plan.settings, plan.estimates) != plan.key:
+        return failed(plan.key, f"the worker runs another mavsentry, {code_version()}")
+    with opened(task.source) as (path, sha256), _alone(sha256) if task.twin else nullcontext():
+        place, folder = _place(plan.out), report_folder(sha256)
         if not plan.again:
             known = read_outcome(place.read(f"{folder}/{OUTCOME}"), plan.key)
             if known is not None:
                 return known
-        place.remove(f"{folder}/{OUTCOME}")
-        try:
-            summary = _summary(path, plan, began_s)
-        except LogError as error:
-            reason = str(error).replace(str(path), "the log")
-            outcome = unusable(plan.key, sha256, reason, time.monotonic() - began_s)
-        else:
-            summary["log"]["path"] = task.source.log
-            place.write(f"{folder}/{SUMMARY}", _json(summary))
-            seconds = time.monotonic() - began_s
-            outcome = judged(plan.key, sha256, summary, [SUMMARY], seconds)
-    place.write(f"{folder}/{OUTCOME}", _json(outcome))
-    return outcome
+        place.clear(folder)
+        outcome = _analyzed(task, path, sha256)
+        if outcome["status"] != Status.FAILED:
+            place.write(f"{folder}/{OUTCOME}", _json(outcome))
+        return outcome
 
 
-def _summary(path: Path, plan: Plan, began_s: float) -> dict[str, Any]:
-    from monitor.analyze import analyze_log
+def _analyzed(task: Task, path: Path, sha256: str) -> Outcome:
+    """The outcome of an analysis; its files are written."""
+    from links.logs import LogError
 
-    return analyze_log(path, _settings(plan.settings), _deadline(began_s, plan.limit_s)).summary
+    plan, began_s = task.plan, time.monotonic()
+    try:
+        summary, files = _summary(task, path, report_folder(sha256), began_s)
+    except LogError as error:
+        reason = str(error).replace(str(path), "the log")
+        return unusable(plan.key, sha256, reason, time.monotonic() - began_s)
+    except _TooSlow as error:
+        return failed(plan.key, str(error), sha256)
+    except MemoryError:
+        return failed(plan.key, "not enough memory", sha256)
+    except OSError:
+        raise
+    except Exception as error:  # a mistake of ours must not cost the other logs
+        return failed(plan.key, _mistake(error), sha256)
+    return judged(plan.key, sha256, summary, files, time.monotonic() - began_s)
+
+
+def _summary(
+    task: Task, path: Path, folder: str, began_s: float
+) -> tuple[dict[str, Any], list[str]]:
+    """``summary.json`` of a log, and the names of the files that were written."""
+    from monitor.analyze import analyze_into, analyze_log
+
+    plan, place = task.plan, _place(task.plan.out)
+    settings, check = _settings(plan.settings), _deadline(began_s, plan.limit_s)
+    files = [SUMMARY]
+    if plan.estimates:
+        with place.staged(folder) as near:
+            analysis = analyze_into(near, path, settings, check)
+            files += [file.relative_to(near).as_posix() for file in analysis.files[1:]]
+    else:
+        analysis = analyze_log(path, settings, check)
+    analysis.summary["log"]["path"] = task.source.log
+    place.write(f"{folder}/{SUMMARY}", _json(analysis.summary))
+    return analysis.summary, files
+
+
+def _mistake(error: Exception) -> str:
+    """An error that nobody foresaw, in one sentence, and where it happened."""
+    trace = traceback.extract_tb(error.__traceback__)
+    where = f" in {Path(trace[-1].filename).name}, line {trace[-1].lineno}" if trace else ""
+    said = " ".join(str(error).split())[:200]
+    return f"mavsentry failed on it ({type(error).__name__}{where}: {said}); please report it"
+
+
+def _alone(sha256: str) -> AbstractContextManager[None]:
+    """Of a log and its copies one is analyzed at a time."""
+    try:
+        from monitor.fleet.cluster import alone
+    except ModuleNotFoundError:  # without Dask there is one worker
+        return nullcontext()
+    return alone(f"mavsentry-{sha256}")
 
 
 def _deadline(began_s: float, limit_s: float) -> Callable[[int, int], None]:
@@ -137,7 +201,7 @@ def _deadline(began_s: float, limit_s: float) -> Callable[[int, int], None]:
     def check(done: int, of: int) -> None:
         if time.monotonic() - began_s > limit_s:
             share = 100.0 * done / max(of, 1)
-            raise TooSlow(f"gave up after {limit_s:g} s, {share:.0f} % of it read")
+            raise _TooSlow(f"gave up after {limit_s:g} s, {share:.0f} % of it read")
 
     return check
 

@@ -17,8 +17,8 @@ from estimators.wing_model import AERODYNAMIC, Airframe
 from estimators.wing_stream import WingStream
 from links.logs import open_log
 from links.samples import Batch, Rows
+from monitor.learn.fit import Unfit
 from monitor.learn.reading import Progress, read
-from monitor.learn.thresholds import Unfit
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.settings.wing import LEARNT_KEYS, KnownAirframe, WingSettings, airframe_of, surfaces_of

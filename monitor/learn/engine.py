@@ -15,8 +15,8 @@ from estimators.engine_fit import Fit, Record, fit_single_shaft
 from links.logs import open_log
 from links.samples import Batch, Rows
 from links.vocabulary import State
+from monitor.learn.fit import Unfit
 from monitor.learn.reading import Progress, read
-from monitor.learn.thresholds import Unfit
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.settings.engine import ChannelSettings, SingleShaftSettings

@@ -1,36 +1,54 @@
-"""Many flights through the pipeline: one after the other, or in two processes if it is much."""
+"""Many flights through the pipeline, on the engine that judges fleets."""
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-from collections.abc import Callable, Sequence
-from multiprocessing.pool import AsyncResult
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from estimators.jit import is_cold
+from links.logs import LogError
+from monitor.fleet.engine import Engine
+from monitor.fleet.sources import Source, expand, opened
 from monitor.learn.flights import Flight, measure_log
 from monitor.settings import Settings
 
-__all__ = ["measure_logs"]
+__all__ = ["WORTH_BYTES", "Flown", "logs_of", "measure_logs"]
 
-PROCESSES = 2
 WORTH_BYTES = 48_000_000
-"""Less than this is done before a second process has started and loaded its kernels."""
-POLL_S = 0.1
+"""Less than this is done before other processes have started and loaded their kernels."""
 
-_done: Any = None
-"""Bytes read by all processes together: shared memory, set in each of them when it starts."""
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """One log and the settings that it is run with."""
+
+    number: int
+    source: Source
+    settings: Settings
+
+
+def logs_of(patterns: Iterable[str]) -> list[Source]:
+    """The logs that the patterns name, each once, in the order of the patterns.
+
+    Raises
+    ------
+    monitor.fleet.sources.SourceError
+        A pattern names nothing, or its file system cannot be reached.
+    """
+    found = {s.log: s for pattern in patterns for s in expand([pattern])}
+    return list(found.values())
 
 
 def measure_logs(
-    paths: Sequence[Path], settings: Settings, progress: Callable[[float], None]
+    engine: Engine,
+    logs: Sequence[tuple[Source, Settings]],
+    progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[Flight]:
-    """Measure every log with these settings, in the order given.
+    """Measure logs, each with its settings, in the order given.
 
     Parameters
     ----------
+    engine
+        Whose workers do it.
     progress
         Called with the fraction done.
 
@@ -38,57 +56,27 @@ def measure_logs(
     ------
     links.logs.LogError
         One of the files cannot be read as a log.
+    OSError
+        One of the files cannot be read.
+    monitor.fleet.engine.EngineError
+        The workers are gone.
     """
-    sizes = [path.stat().st_size if path.is_file() else 0 for path in paths]
-    total = max(sum(sizes), 1)
-    if len(paths) < 2 or total < WORTH_BYTES or is_cold():
-        return _one_by_one(paths, sizes, settings, progress)
-    context = multiprocessing.get_context("spawn")
-    done = context.Value("q", 0)
-    with context.Pool(PROCESSES, _start, (done,)) as pool:
-        results = [pool.apply_async(_measure, (path, settings)) for path in paths]
-        return [_awaited(result, lambda: progress(done.value / total)) for result in results]
+    total, done = max(sum(source.bytes for source, _ in logs), 1), 0
+    flights: dict[int, Flight] = {}
+    items = [Flown(k, source, settings) for k, (source, settings) in enumerate(logs)]
+    for ended in engine.run(measure_one, items):
+        if ended.result is None:
+            raise ended.error or LogError(f"{ended.item.source.log}: no result")
+        flights[ended.item.number] = ended.result
+        done += ended.item.source.bytes
+        progress(done / total)
+    return [flights[k] for k in range(len(logs))]
 
 
-def _one_by_one(
-    paths: Sequence[Path],
-    sizes: Sequence[int],
-    settings: Settings,
-    progress: Callable[[float], None],
-) -> list[Flight]:
-    flights: list[Flight] = []
-    total = max(sum(sizes), 1)
-
-    def tell(read: int, _: int) -> None:
-        progress((sum(sizes[: len(flights)]) + read) / total)
-
-    for path in paths:
-        flights.append(measure_log(path, settings, tell))
-    return flights
-
-
-def _awaited(result: AsyncResult[Flight], tell: Callable[[], None]) -> Flight:
-    """The result, telling how far it is while it is waited for."""
-    while not result.ready():
-        result.wait(POLL_S)
-        tell()
-    return result.get()
-
-
-def _start(done: Any) -> None:
-    """A process of the pool begins: Ctrl-C is for the one that waits."""
-    global _done
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _done = done
-
-
-def _measure(path: Path, settings: Settings) -> Flight:
-    before = 0
-
-    def add(read: int, _: int) -> None:
-        nonlocal before
-        with _done.get_lock():
-            _done.value += read - before
-        before = read
-
-    return measure_log(path, settings, add)
+def measure_one(flown: Flown) -> Flight:
+    """One log, on whichever worker takes it."""
+    with opened(flown.source) as (path, _):
+        try:
+            return measure_log(path, flown.settings)
+        except LogError as error:
+            raise LogError(str(error).replace(str(path), flown.source.log)) from None

@@ -13,29 +13,25 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 
-from monitor.learn.flights import Flight, same_flight, vehicle_words
+from monitor.learn.fit import LEAST_S, Unfit, check_enough, least_seconds
+from monitor.learn.flights import Flight, vehicle_words
 from monitor.learn.rules import LEVELS, RULES, Kind, Rule
 from monitor.settings import Settings
 from monitor.settings.learnt import LearntLog, LearntSettings
 
 __all__ = [
+    "CEILING",
     "FACTOR",
-    "LEAST_FLIGHTS",
-    "LEAST_S",
     "LOWER_FLIGHTS",
     "LOWER_S",
     "Change",
     "Learnt",
     "Outcome",
-    "TooLittle",
-    "Unfit",
-    "check_alike",
-    "check_enough",
-    "check_healthy",
+    "beyond_ceiling",
     "default_of",
     "learn",
     "raised_levels",
@@ -46,22 +42,11 @@ __all__ = [
 FACTOR = 1.3
 """Threshold over the largest healthy value, in the size of a fault (algorithm note, "the deployed
 form"). A log likelihood grows with the square of the size, hence times 1.69."""
-LEAST_FLIGHTS, LEAST_S = 3, 600.0
-"""Nothing is learnt from fewer flights, or from less judged time of each sensor [s]: a flight has
-few turns and one weather, and three show at least that their maxima resemble each other."""
 LOWER_FLIGHTS, LOWER_S = 5, 3600.0
 """No threshold is lowered on less [s]: an hour bounds the rate of false alarms at three an hour."""
 CEILING = 3.0
 """Where only faults so many times as large could be found, something is wrong with the aircraft."""
 DIGITS = 3
-
-
-class Unfit(ValueError):
-    """Flights that nothing can be learnt from, in one plain sentence."""
-
-
-class TooLittle(Unfit):
-    """Too few flights, or too little of them judged."""
 
 
 class Outcome(Enum):
@@ -102,6 +87,12 @@ class Change:
         What the key is to a verdict.
     power
         Smallest fault found is proportional to value ** power.
+    loudest
+        Number of that flight among those learnt from; -1 where none stands out.
+    without
+        What is learnt without that flight, in the key's unit.
+    beyond
+        Flights whose peak is beyond the default: so many at most would be flagged by it.
     """
 
     key: str
@@ -116,6 +107,9 @@ class Change:
     why: str
     kind: Kind = Kind.STATISTIC
     power: float = 1.0
+    loudest: int = -1
+    without: float = math.nan
+    beyond: int = 0
 
     @property
     def fault_growth(self) -> float:
@@ -135,11 +129,14 @@ class Learnt:
         Every key that was looked at.
     hours
         Least judged time of any sensor that something was learnt of [h].
+    flights
+        Those learnt from.
     """
 
     settings: Settings
     changes: tuple[Change, ...]
     hours: float
+    flights: tuple[Flight, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def overrides(self) -> dict[str, float]:
@@ -163,7 +160,7 @@ def learn(
     ----------
     flights
         All measured with one configuration. That they are healthy is for the caller to say
-        (:func:`check_healthy`).
+        (:func:`monitor.learn.fit.check_healthy`).
     settings
         What is learnt over: its values are the defaults.
     airframe
@@ -176,7 +173,7 @@ def learn(
     Raises
     ------
     TooLittle
-        Fewer than :data:`LEAST_FLIGHTS`, or no kind of sensor was judged for :data:`LEAST_S`.
+        See :func:`monitor.learn.fit.check_enough`.
     Unfit
         A threshold would have to be beyond :data:`CEILING` times its default.
     ValueError
@@ -186,8 +183,8 @@ def learn(
         raise ValueError("a flight was measured with other settings: its peaks do not compare")
     check_enough(flights)
     changes = [*levels, *(_change(rule, flights, settings) for rule in RULES)]
-    used = {r.quantity for r in RULES if _seconds(flights, r.quantity) >= LEAST_S}
-    hours = min(_seconds(flights, quantity) for quantity in used) / 3600.0
+    used = {r.quantity for r in RULES if least_seconds(flights, r.quantity) >= LEAST_S}
+    hours = min(least_seconds(flights, quantity) for quantity in used) / 3600.0
     made = [c for c in changes if c.value != c.default]
     provenance = LearntSettings(
         airframe=airframe,
@@ -201,22 +198,24 @@ def learn(
         ),
     )
     values = with_keys(settings, {c.key: c.value for c in made})
-    return Learnt(values.model_copy(update={"learnt": provenance}), tuple(changes), hours)
+    settings = values.model_copy(update={"learnt": provenance})
+    return Learnt(settings, tuple(changes), hours, tuple(flights))
 
 
 def raised_levels(flights: Sequence[Flight], settings: Settings) -> list[Change]:
     """Noise levels that the flights show to be above the settings'; they are never lowered."""
     out = []
     for level in LEVELS:
-        seen = [
-            (f.levels[level.measured] * level.factor, f)
-            for f in flights
+        seen = sorted(
+            (-f.levels[level.measured] * level.factor, k)
+            for k, f in enumerate(flights)
             if level.measured in f.levels
-        ]
+        )
         default = default_of(settings, level.key)
-        if not seen or max(s[0] for s in seen) <= default:
+        if not seen or -seen[0][0] <= default:
             continue
-        value, where = max(seen, key=lambda s: s[0])
+        value, second = -seen[0][0], -seen[1][0] if len(seen) > 1 else 0.0
+        where = flights[seen[0][1]]
         out.append(
             Change(
                 key=level.key,
@@ -226,10 +225,13 @@ def raised_levels(flights: Sequence[Flight], settings: Settings) -> list[Change]
                 peak=value,
                 log=where.name,
                 flights=len(seen),
-                seconds=sum(max(f.judged_s.values(), default=0.0) for _, f in seen),
+                seconds=sum(max(flights[k].judged_s.values(), default=0.0) for _, k in seen),
                 outcome=Outcome.RAISED,
                 why="below it the model's own errors count, not noise",
                 kind=Kind.LEVEL,
+                loudest=seen[0][1],
+                without=max(_up(second), default),
+                beyond=sum(-level > default for level, _ in seen),
             )
         )
     return out
@@ -251,70 +253,6 @@ def widened(settings: Settings) -> Settings:
     )
 
 
-def check_alike(flights: Sequence[Flight]) -> None:
-    """All flights are of one vehicle, and each is there once.
-
-    Raises
-    ------
-    Unfit
-        Naming two logs that are of different vehicles, or of the same flight.
-    """
-    for i, b in enumerate(flights):
-        for a in flights[:i]:
-            if same_flight(a, b):
-                raise Unfit(f"{a.name} and {b.name} are the same flight: give it once")
-            if a.vehicle is not None and b.vehicle is not None and a.vehicle != b.vehicle:
-                raise Unfit(
-                    f"{a.name} ({vehicle_words(a.vehicle)}) and {b.name} "
-                    f"({vehicle_words(b.vehicle)}) are of different vehicles: thresholds belong "
-                    "to one airframe"
-                )
-
-
-def check_enough(flights: Sequence[Flight]) -> None:
-    """There is enough to learn anything from.
-
-    Raises
-    ------
-    TooLittle
-        Fewer than :data:`LEAST_FLIGHTS`, or no kind of sensor was judged for :data:`LEAST_S`.
-    """
-    quantities = dict.fromkeys(r.quantity for r in RULES)
-    if len(flights) >= LEAST_FLIGHTS and any(_seconds(flights, q) >= LEAST_S for q in quantities):
-        return
-    need = (
-        f"thresholds need {LEAST_FLIGHTS} healthy flights and {LEAST_S / 60.0:.0f} judged minutes "
-        "of each sensor"
-    )
-    judged = []
-    for quantity in quantities:
-        total = _per_sensor(flights, quantity)
-        if total:
-            sensor = min(total, key=lambda s: total[s])
-            judged.append(f"{total[sensor] / 60.0:.1f} min of {sensor}")
-    said = " and ".join(judged) if judged else "no sensor"
-    many = "this flight" if len(flights) == 1 else f"these {len(flights)} flights"
-    raise TooLittle(f"{need}; {many} judged {said}")
-
-
-def check_healthy(flights: Iterable[Flight], hint: str = "") -> None:
-    """No flight has a verdict of faulty, nor do sensors disagree in one.
-
-    Raises
-    ------
-    Unfit
-        Naming sensor, time and log of the first one; ``hint`` follows.
-    """
-    for f in flights:
-        if f.alarms:
-            a = f.alarms[0]
-            more = f" (and {len(f.alarms) - 1} more)" if len(f.alarms) > 1 else ""
-            raise Unfit(
-                f"{f.name} is not a healthy flight: {a.sensor} {a.state} at {a.detected_s:.1f} s"
-                f"{more}: {a.evidence}{hint}"
-            )
-
-
 def default_of(settings: Settings, key: str) -> float:
     """Value of a dotted key."""
     return float(functools.reduce(getattr, key.split("."), settings))  # type: ignore[arg-type]
@@ -329,45 +267,26 @@ def with_keys(settings: Settings, values: dict[str, float]) -> Settings:
     return Settings.model_validate(raw)
 
 
-def _seconds(flights: Sequence[Flight], quantity: str) -> float:
-    """The least time for which any sensor of a quantity was judged in all flights together [s]."""
-    return min(_per_sensor(flights, quantity).values(), default=0.0)
-
-
-def _per_sensor(flights: Sequence[Flight], quantity: str) -> dict[str, float]:
-    total: dict[str, float] = {}
-    for f in flights:
-        for sensor, seconds in f.judged(quantity).items():
-            total[sensor] = total.get(sensor, 0.0) + seconds
-    return total
-
-
 def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change:
     """What becomes of one key."""
     default = default_of(settings, rule.key)
-    made = [
-        f
-        for f in flights
-        if rule.least <= f.count(rule.quantity) <= rule.most
-        and math.isfinite(f.peaks.get(rule.key, math.nan))
-    ]
-    seconds = _seconds(made, rule.quantity)
-    peak, log = math.nan, ""
-    if made:
-        loudest = max(made, key=lambda f: _needed(f, rule.key))
-        peak = _needed(loudest, rule.key)
-        log = loudest.name if peak > 0.0 else ""
+    made = [k for k, f in enumerate(flights) if _made(rule, f)]
+    seconds = least_seconds([flights[k] for k in made], rule.quantity)
+    ranked = sorted(((_needed(flights[k], rule.key), -k) for k in made), reverse=True)
+    peak, at = ranked[0] if ranked else (math.nan, 1)
+    second = ranked[1][0] if len(ranked) > 1 else 0.0
+    loudest = -at if peak > 0.0 else -1
+    value = without = default
     if not made or seconds < LEAST_S:
-        value, outcome = default, Outcome.KEPT_UNSEEN
+        outcome = Outcome.KEPT_UNSEEN
     elif rule.kind is Kind.SIZE:
-        value, outcome = default, Outcome.KEPT_SIZE
+        outcome = Outcome.KEPT_SIZE
     else:
         value, outcome = _threshold(rule, default, peak, len(made), seconds)
+        without, _ = _threshold(rule, default, second, len(made), seconds)
+    log = flights[loudest].name if loudest >= 0 else ""
     if value > rule.scaled(default, CEILING):
-        raise Unfit(
-            f"{rule.key} would have to be {value:.3g} instead of {default:g} for {log} to be a "
-            f"healthy flight, and only faults {CEILING:g} times as large be found: leave it out"
-        )
+        raise Unfit(_blinding(rule, value, default, log))
     return Change(
         key=rule.key,
         default=default,
@@ -381,7 +300,34 @@ def _change(rule: Rule, flights: Sequence[Flight], settings: Settings) -> Change
         why=rule.why,
         kind=rule.kind,
         power=rule.power,
+        loudest=loudest,
+        without=without,
+        beyond=sum(needed > default for needed, _ in ranked),
     )
+
+
+def _made(rule: Rule, flight: Flight) -> bool:
+    """Whether the rule's test was made in this flight."""
+    peak = flight.peaks.get(rule.key, math.nan)
+    return rule.least <= flight.count(rule.quantity) <= rule.most and math.isfinite(peak)
+
+
+def _blinding(rule: Rule, value: float, default: float, log: str) -> str:
+    return (
+        f"{rule.key} would have to be {value:.3g} instead of {default:g} for {log} to be a "
+        f"healthy flight, and only faults {CEILING:g} times as large be found: leave it out"
+    )
+
+
+def beyond_ceiling(flight: Flight, settings: Settings) -> str:
+    """Why a flight's peaks cannot be learnt over these settings, in one sentence; or nothing."""
+    for rule in RULES:
+        if rule.kind is not Kind.SIZE and _made(rule, flight):
+            default = default_of(settings, rule.key)
+            value = _up(rule.scaled(_needed(flight, rule.key), FACTOR))
+            if value > rule.scaled(default, CEILING):
+                return _blinding(rule, value, default, flight.name)
+    return ""
 
 
 def _needed(flight: Flight, key: str) -> float:

@@ -6,6 +6,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
+from links import catalog_dataflash, catalog_ulog, dataflash_columns
 from links.catalog import MAX_INSTANCES, RANKING, SOURCES
 from links.mavlink import DecoderOptions
 from links.spool_sources import spool_source
@@ -15,14 +16,17 @@ __all__ = ["LinkSettings", "SourceSettings", "SpoolSource"]
 
 _NAMED = "NAMED_VALUE_FLOAT"
 _SPOOLS = tuple(f"spool{i}" for i in range(MAX_INSTANCES["spool"]))
-_KNOWN = {q: {s.key for s in SOURCES if s.quantity == q} | {_NAMED} for q in RANKING}
+_FORMATS = (SOURCES, catalog_dataflash.SOURCES, catalog_ulog.SOURCES)
+_NAMES = {_NAMED, dataflash_columns.NAMED, catalog_ulog.NAMED}
+_KNOWN = {q: {s.key for f in _FORMATS for s in f if s.quantity == q} | _NAMES for q in RANKING}
 
 
 def _order(quantity: str) -> tuple[str, ...]:
     return Field(
         RANKING[quantity],
-        description=f"MAVLink messages that {quantity} is taken from, the first usable one wins; "
-        "a message that is not listed is not used.",
+        description=f"Messages that {quantity} is taken from, the first usable one wins; one that "
+        "is not listed is not used. Messages of DataFlash and topics of ULog may be listed too: "
+        "each format goes by its own, and by its default where none of its own is listed.",
     )
 
 
@@ -31,9 +35,9 @@ class SourceSettings(Section):
 
     imu: tuple[str, ...] = Field(
         (),
-        description="MAVLink messages that imu is taken from, the first usable one wins. Empty: "
-        "HIGHRES_IMU, RAW_IMU, SCALED_IMU, and for PX4 the reverse, since PX4 takes its filter's "
-        "bias estimate out of HIGHRES_IMU.",
+        description="Messages that imu is taken from, as of the others. Empty: HIGHRES_IMU, "
+        "RAW_IMU, SCALED_IMU, and for PX4 the reverse, since PX4 takes its filter's bias estimate "
+        "out of HIGHRES_IMU.",
     )
     attitude: tuple[str, ...] = _order("attitude")
     gps: tuple[str, ...] = _order("gps")
@@ -57,7 +61,8 @@ class SpoolSource(Section):
 
     source: str = Field(
         description="RPM.rpm1, RPM.rpm2, RAW_RPM.0 ... RAW_RPM.15, EFI_STATUS.rpm, "
-        "ESC_TELEMETRY.1 ... ESC_TELEMETRY.16, or NAMED_VALUE_FLOAT.NAME.",
+        "ESC_TELEMETRY.1 ... ESC_TELEMETRY.16, or NAMED_VALUE_FLOAT.NAME; in a .BIN or .ulg the "
+        "messages and topics that carry the same.",
     )
     rpm_per_unit: float = Field(
         1.0,

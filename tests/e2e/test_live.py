@@ -19,6 +19,8 @@ from monitor.settings import load
 
 from .conftest import COMMAND
 
+OURS, HEARTBEAT = 191, 0
+
 READY_S = 150.0
 """The daemon may have to compile its kernels first."""
 
@@ -119,16 +121,42 @@ def test_a_recorded_flight_gives_the_same_verdicts_live(shared_data):
     assert changes == from_log(log), daemon.notes
 
 
-def test_the_recording_is_what_was_sent(flight_log, live):
-    *_, folder = live
+def test_the_recording_is_what_was_sent_and_what_was_said(flight_log, live):
+    _, listener, _, folder = live
     (recording,) = folder.glob("*.tlog")
     assert frames(recording) == frames(flight_log)
+    ours = frames(recording, OURS)
+    before = set(listener.raw) - set(ours)
+    assert {message_id(frame) for frame in before} == {HEARTBEAT}  # before the vehicle was heard
+    assert len(ours) > len(before)
     assert from_log(recording) == from_log(flight_log)
 
 
-def frames(log):
+def test_the_recording_tells_live_beside_replay(live):
+    *_, folder = live
+    (recording,) = folder.glob("*.tlog")
+    summary = analyze_log(recording, load()).summary
+    (monitor,) = summary["live"]["monitors"]
+    assert (monitor["component_id"], monitor["left_out"]) == (OURS, 0)
+    lines = {line["sensor"]: line for line in summary["live"]["faults"]}
+    assert set(lines) == {fault["sensor"] for fault in summary["faults"]}
+    for fault in summary["faults"]:
+        line = lines[fault["sensor"]]
+        assert line["agreement"] == "both"
+        assert line["replay_s"] == fault["isolated_s"]
+        assert 0.0 <= line["delay_s"] <= 10.0  # at ten times real time: half a second a mask
+        assert line["said"].startswith(f"{fault['sensor']} FAULTY")
+        assert (line["live_cleared_s"] is None) == (fault["cleared_s"] is None)
+
+
+def message_id(frame):
+    return int.from_bytes(frame[7:10], "little")
+
+
+def frames(log, component=1):
     framer = Framer(load_dialect(), stamped=True)
-    parts = (framer.feed(log.read_bytes()), framer.finish())
+    parts = [framer.feed(log.read_bytes()), framer.finish()]
+    parts = [part.take(part.component == component) for part in parts]
     return [frame for part in parts for frame, _ in whole_frames(part)]
 
 

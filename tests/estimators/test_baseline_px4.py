@@ -114,6 +114,19 @@ def test_the_fault_is_over_when_the_integral_has_run_down() -> None:
     assert out[1, 0] * 1e-6 > 40.0
 
 
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_imus_that_shake_together_do_not_differ(order: tuple[int, int]) -> None:
+    """At 50 Hz a sample ago is another acceleration altogether."""
+    count = 50 * 30
+    shaken = np.random.default_rng(1).normal(0.0, 9.0, (count, 1)) * np.array([0, 0, 0, 0, 0, 1.0])
+    t_us = np.repeat(20_000 * np.arange(1, count + 1), 2)
+    imu, sample = np.tile(order, count), np.repeat(shaken, 2, axis=0)
+    assert len(PX4ImuSelector().step(t_us, imu, sample)) == 0
+    assert len(PX4ImuSelector().step(t_us[1:], imu[1:], sample[1:])) == 0
+    sample[imu == 1, 5] += 4.0
+    assert len(PX4ImuSelector().step(t_us, imu, sample)) == 1
+
+
 def test_any_split_of_the_stream_says_the_same() -> None:
     events = imus(3, acc=3.0)
     whole = PX4ImuSelector().step(*events)

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from links.logs import LogError
 from links.logs.tlog import tlog_columns
 from links.mavlink import Encoder
+from links.mavlink import columns as columns_module
 from links.mavlink.columns import ColumnDecoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.scan import NO_STAMP
@@ -103,6 +104,32 @@ def test_blocks_of_any_size_give_the_same_records(cuts, stamped):
     for name, records in whole.messages.items():
         pieces = [p.messages[name] for p in parts if name in p.messages]
         assert np.concatenate(pieces).tobytes() == records.tobytes()
+
+
+@pytest.mark.parametrize("piece", [300, 1009, 1 << 19])
+def test_a_file_is_read_in_pieces_of_any_size(tmp_path, monkeypatch, piece):
+    data = b"".join(STAMP.pack(i + 1) + f for i, f in enumerate(40 * small_stream()))
+    data = data[:5000] + b"\xfd\x03junk" + data[5000:-3]
+    path = tmp_path / "a.tlog"
+    path.write_bytes(data)
+    whole = ColumnDecoder(stamped=True).finish(data)
+    monkeypatch.setattr("links.mavlink.columns._PIECE", piece)
+    columns = tlog_columns(path)
+    assert (columns.frames, columns.bad_bytes) == (whole.frames, whole.bad_bytes)
+    assert columns.bad_bytes > 6
+    assert set(columns.messages) == set(whole.messages)
+    for name, records in whole.messages.items():
+        assert columns.messages[name].tobytes() == records.tobytes()
+
+
+def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "a.tlog"
+    path.write_bytes(b"".join(STAMP.pack(1) + f for f in 40 * small_stream()))
+    monkeypatch.setattr("links.mavlink.columns._PIECE", 1000)
+    fill = columns_module._fill
+    monkeypatch.setattr(columns_module, "_fill", lambda *a: (path.write_bytes(b""), fill(*a)))
+    with pytest.raises(LogError, match="became shorter"):
+        tlog_columns(path)
 
 
 def test_what_was_cut_off_or_never_sent_is_zero():

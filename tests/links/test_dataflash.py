@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -22,9 +21,7 @@ from links.samples import Batch
 from links.vocabulary import Rejection
 from monitor.analyze import analyze_log
 from monitor.settings import Settings
-
-sys.path.insert(0, str(Path(__file__).parent))
-from dataflash_writer import DataflashWriter
+from sim_feeds.dataflash import DataflashWriter
 
 PART = 1_500_000
 """Bytes of the recorded log that the slower tests read: FMT, parameters, half a minute's flight."""
@@ -289,6 +286,6 @@ def test_named_values_of_others_are_inputs_and_our_own_never(read: Callable[...,
 def test_a_hole_in_the_records_is_told(read: Callable[..., Any]) -> None:
     log = DataflashWriter()
     log.define("RPM", "Qff", "TimeUS,rpm1,rpm2")
-    for t in (1_000_000, 1_100_000, 4_100_000, 4_200_000):
-        log.put("RPM", t, 3000.0, -1.0)
-    assert read(log.content())[1].info.gaps == [(1_100_000, 3_000_000)]
+    for k in range(40):
+        log.put("RPM", 1_000_000 + 100_000 * k + (3_000_000 if k >= 2 else 0), 3000.0, -1.0)
+    assert read(log.content())[1].info.gaps == [(1_100_000, 4_000_000)]

@@ -224,6 +224,8 @@ def test_a_log_of_a_ground_station_alone_is_refused(tmp_path):
         ("b.tlog", b"", "b.tlog is empty"),
         ("d.BIN", b"\xa3\x95\x80\x80", "no data of a vehicle"),
         ("misnamed.tlog", b"\xa3\x95\x80\x80", "no data of a vehicle"),
+        ("e.tlog.gz", b"\x1f\x8b\x08\x00" + bytes(30), r"e.tlog.gz is packed \(gzip\): unpack it"),
+        ("f.BIN", b"PK\x03\x04" + bytes(30), r"f.BIN is packed \(zip\)"),
     ],
 )
 def test_unusable_files_are_refused_in_one_sentence(tmp_path, name, content, sentence):
@@ -232,6 +234,17 @@ def test_unusable_files_are_refused_in_one_sentence(tmp_path, name, content, sen
         path.write_bytes(content)
     with pytest.raises(LogError, match=sentence):
         list(open_log(path))
+
+
+@pytest.mark.parametrize("name", ["flight.ulg", "flight.BIN", "flight"])
+def test_a_telemetry_log_is_known_by_its_content_whatever_its_name(tmp_path, flight, name):
+    path = tmp_path / name
+    with TlogWriter(path) as writer:
+        for stamp_us, frame in flight:
+            writer.write(frame, stamp_us)
+    reader = open_log(path)
+    assert sum(map(len, reader)) > 0
+    assert reader.info.format == "tlog"
 
 
 def test_a_directory_is_refused(tmp_path):

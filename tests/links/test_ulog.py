@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,7 @@ from links.samples import Batch
 from monitor.analyze import analyze_log
 from monitor.settings import Settings
 from sim_feeds.scenario import load
-
-sys.path.insert(0, str(Path(__file__).parent))
-from ulog_writer import UlogWriter, dropout, logged, parameter, px4_log
+from sim_feeds.ulog import UlogWriter, dropout, logged, message, parameter, px4_log
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +84,46 @@ def test_damage_costs_what_it_touched(sample: Path, tmp_path: Path) -> None:
     whole = rows_of(sample, 1 << 20)
     assert 300 < log.info.bad_bytes < 3000
     assert len(whole.rows["imu0"]) - len(batch.rows["imu0"]) < 10
+
+
+def definitions(log: UlogWriter) -> bytes:
+    """The log with parameters, information and a format that has no data among the others."""
+    key = b"char[40] ver_sw"
+    info = message("I", bytes([len(key)]) + key + b"0" * 40)
+    several = message("M", bytes([0, len(key)]) + key + b"1" * 40)
+    log.parameters = parameter("ONE", 1.0) + info + several + parameter("TWO", 2.0)
+    for k in range(4):
+        t = np.arange(1_000_000, 6_000_000, 50_000) + k
+        log.topic(f"topic_{k}" if k else "airspeed", "float indicated_airspeed_m_s", t, {})
+    return log.content()
+
+
+def test_a_damaged_size_in_the_definitions_costs_one_message(tmp_path: Path) -> None:
+    raw = definitions(UlogWriter(1_000_000))
+    file = tmp_path / "x.ulg"
+    at, lost = 16, []
+    while raw[at + 2] != ord("D"):
+        size = int.from_bytes(raw[at : at + 2], "little")
+        for bit in range(16):
+            file.write_bytes(raw[:at] + (size ^ 1 << bit).to_bytes(2, "little") + raw[at + 2 :])
+            with contextlib.suppress(LogError):
+                if len(Batch.concatenate(read_ulog(file)).rows.get("airspeed0", ())) == 100:
+                    continue
+            lost.append((chr(raw[at + 2]), raw[at + 3 : at + 3 + size]))
+        at += 3 + size
+    assert {kind for kind, _ in lost} == {"F", "A"}
+    assert all(b"airspeed" in body for _, body in lost)
+
+
+def test_a_damaged_format_costs_its_topic_alone(tmp_path: Path) -> None:
+    """Every message of the topic then has a size that its format does not tell."""
+    raw = definitions(UlogWriter(1_000_000))
+    file = tmp_path / "x.ulg"
+    file.write_bytes(raw.replace(b"topic_2:uint64_t timestamp;", b"topic_2:uint16_t timestamp;"))
+    reader = read_ulog(file)
+    rows = Batch.concatenate(reader).rows
+    assert len(rows["airspeed0"]) >= 99
+    assert reader.info.bad_bytes < 100
 
 
 def test_what_is_no_ulog_is_refused_in_a_sentence(tmp_path: Path) -> None:

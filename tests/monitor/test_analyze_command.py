@@ -63,6 +63,7 @@ def test_estimates_are_written_beside_the_summary_and_as_text_if_asked(log, tmp_
     assert summary["made_by"]["profile"] == "small-uav"
     assert summary["made_by"]["changed"] == {}
     assert not any(summary["left_out"].values())
+    assert "live" not in summary
 
 
 def test_the_summary_says_what_differs_from_the_profile(log, tmp_path) -> None:

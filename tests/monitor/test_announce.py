@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
-from monitor.announce import TEXT_MAX, Announcer, wording
+from monitor.announce import TEXT_MAX, Announcer, understood, wording
 from monitor.verdict import Verdict
 
 S = 1_000_000
@@ -40,8 +40,29 @@ def faulty(sensor: str, magnitude: float = math.nan, unit: str = "", **extra) ->
         ),
     ],
 )
-def test_wording(verdict, text):
+def test_wording_and_what_is_understood_of_it(verdict, text):
     assert wording(verdict, 20 * S) == text
+    assert understood(text) == {verdict.sensor: verdict.state}
+
+
+@pytest.mark.parametrize(
+    ("text", "states"),
+    [
+        (
+            "FAULTY: airspeed0 imu0.acc_x .acc_y +3",
+            dict.fromkeys(["airspeed0", "imu0.acc_x", "imu0.acc_y"], State.FAULTY),
+        ),
+        ("ok: imu1 aoa0", dict.fromkeys([*(f"imu1.{a}" for a in GYRO_ACC_AXES), "aoa0"], State.OK)),
+        ("engine0 STOPPED: no power since 2 s", {"engine0": State.STOPPED}),
+        ("imu0/imu1 gyro_x disagree", {}),
+        ("FAULTY: gyro_x .acc_x", {}),
+        ("PreArm: airspeed0 FAULTY", {}),
+        ("Airspeed sensor 1 now OK. Re-enabled", {}),
+        ("", {}),
+    ],
+)
+def test_folded_texts_are_understood_and_others_are_not(text, states):
+    assert understood(text) == states
 
 
 SENSORS = [f"imu{i}.{a}" for i in range(5) for a in GYRO_ACC_AXES] + [
@@ -69,10 +90,14 @@ SENSORS = [f"imu{i}.{a}" for i in range(5) for a in GYRO_ACC_AXES] + [
 )
 def test_any_changes_make_short_ascii_texts_at_a_bounded_pace(changes):
     announcer = Announcer(burst=3, interval_s=2.0)
-    texts = []
+    texts, newest = [], {}
     for k, change in enumerate(changes):
         announcer.note(change)
-        texts += announcer.due(k * S // 10, 10**12)
+        newest[change.sensor] = change.state
+        said = announcer.due(k * S // 10, 10**12)
+        for text in said:
+            assert understood(text.text).items() <= newest.items()
+        texts += said
     assert len(texts) <= 3 + len(changes) * 0.1 / 2.0 + 1
     for text in texts:
         assert 0 < len(text.text) <= TEXT_MAX

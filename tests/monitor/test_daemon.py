@@ -216,15 +216,33 @@ def test_finishing_judges_and_sends_what_still_waited():
     assert link.sent[-1][0] == host.us
 
 
+class FakeRecorder:
+    def __init__(self):
+        self.taken, self.sent = [], []
+
+    def take(self, data, host_us):
+        self.taken.append((data, host_us))
+
+    def take_sent(self, frame, host_us):
+        self.sent.append((host_us, frame))
+
+
 def test_everything_received_is_recorded_in_order():
-    taken = []
-    daemon, host, _, decoder = build(
-        steady(1.0, 100), record=lambda data, host_us: taken.append((data, host_us))
-    )
+    record = FakeRecorder()
+    daemon, host, _, decoder = build(steady(1.0, 100), record=record)
     spin(daemon, host, 1.2)
-    assert b"".join(d for d, _ in taken) == b"".join(decoder.feeds)
-    assert len(taken) == 100
-    assert [t for _, t in taken] == sorted(t for _, t in taken)
+    assert b"".join(d for d, _ in record.taken) == b"".join(decoder.feeds)
+    assert len(record.taken) == 100
+    assert [t for _, t in record.taken] == sorted(t for _, t in record.taken)
+
+
+def test_what_is_sent_is_recorded_once_the_vehicle_is_known():
+    record = FakeRecorder()
+    daemon, host, link, _ = build(steady(3.0, 50, start_us=52 * S), record=record)
+    spin(daemon, host, 5.0)
+    assert link.sent[0][0] < 51 * S
+    assert record.sent == [sent for sent in link.sent if sent[0] >= 52 * S]
+    assert b"NAMED_VALUE_FLOAT FLT_AIR" in {frame for _, frame in record.sent}
 
 
 def test_the_latency_meter_keeps_the_newest():

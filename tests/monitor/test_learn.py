@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,13 +14,24 @@ from links.samples import empty_rows
 from links.vocabulary import State
 from monitor import learn as package
 from monitor import settings as configuration
-from monitor.learn import Alarm, Flight, Learnt, Outcome, TooLittle, Unfit, document, learn
+from monitor.learn import (
+    Alarm,
+    Calibration,
+    Flight,
+    Learnt,
+    Outcome,
+    TooLittle,
+    Trial,
+    Unfit,
+    document,
+    flagged_by_the_others,
+    learn,
+)
+from monitor.learn.fit import check_alike, check_healthy
 from monitor.learn.levels import LevelMeter
 from monitor.learn.provenance import FROM_THIS_FLIGHT, provenance
 from monitor.learn.rules import RULES, Kind
 from monitor.learn.thresholds import (
-    check_alike,
-    check_healthy,
     default_of,
     raised_levels,
     widened,
@@ -277,29 +288,34 @@ class Fleet:
     ) -> None:
         self.needs, self.incurable, self.gps, self.horizon = needs, incurable, gps, horizon
         self.runs: list[Settings] = []
+        self.passes: list[list[int]] = []
 
-    def __call__(self, settings: Settings, doing: str) -> list[Flight]:
-        self.runs.append(settings)
-        limit = settings.imu.difference_sigma
+    def __call__(self, trials: Sequence[Trial], doing: str) -> list[Flight]:
+        self.runs.append(trials[0][1])
+        self.passes.append([k for k, _ in trials])
+        return [self.fly(k, settings) for k, settings in trials]
+
+    def fly(self, k: int, settings: Settings) -> Flight:
+        limit, need = settings.imu.difference_sigma, self.needs[k]
         alarm = (Alarm("imu0.acc_x", 33.0, "disagrees"),)
-        return [
-            flight(
-                f"{i}.tlog",
-                {
-                    "imu.difference_sigma": min(need, 1.01 * limit),
-                    "air.horizon.margin_all": self.horizon,
-                },
-                settings=settings,
-                alarms=alarm if need > limit or self.incurable else (),
-                levels={"gps_noise_m_s": self.gps},
-            )
-            for i, need in enumerate(self.needs)
-        ]
+        return flight(
+            f"{k}.tlog",
+            {
+                "imu.difference_sigma": min(need, 1.01 * limit),
+                "air.horizon.margin_all": self.horizon,
+            },
+            settings=settings,
+            alarms=alarm if need > limit or self.incurable else (),
+            levels={"gps_noise_m_s": self.gps},
+        )
+
+    def calibrated(self, settings: Settings = DEFAULTS, name: str = "", **how: bool) -> Calibration:
+        return package.calibrate(self, len(self.needs), settings, name, **how)
 
 
 def test_a_calibration_tries_out_what_it_learnt() -> None:
     fleet = Fleet([3.0, 5.0, 4.0])
-    learnt = package.calibrate(fleet, DEFAULTS, "ranger")
+    learnt = fleet.calibrated(name="ranger").learnt
     assert learnt.overrides == {"imu.difference_sigma": 6.5}
     assert fleet.runs == [DEFAULTS, learnt.settings]
     assert learnt.settings.learnt.airframe == "ranger"
@@ -307,36 +323,99 @@ def test_a_calibration_tries_out_what_it_learnt() -> None:
 
 def test_an_unhealthy_flight_is_refused_unless_the_operator_answers_for_it() -> None:
     with pytest.raises(Unfit, match=r"1\.tlog is not a healthy flight: imu0\.acc_x .*--assert"):
-        package.calibrate(Fleet([3.0, 9.0, 4.0]), DEFAULTS)
-    learnt = package.calibrate(Fleet([3.0, 9.0, 4.0]), DEFAULTS, assert_healthy=True)
+        Fleet([3.0, 9.0, 4.0]).calibrated()
+    learnt = Fleet([3.0, 9.0, 4.0]).calibrated(assert_healthy=True).learnt
     assert learnt.overrides == {"imu.difference_sigma": 11.7}
 
 
 def test_an_assertion_that_no_threshold_can_keep_is_refused() -> None:
     for fleet in (Fleet([3.0, 9.0, 4.0], incurable=True), Fleet([3.0, 40.0, 4.0])):
         with pytest.raises(Unfit, match="out of reach: leave that flight out"):
-            package.calibrate(fleet, DEFAULTS, assert_healthy=True)
+            fleet.calibrated(assert_healthy=True)
+
+
+def test_one_flight_in_ten_that_is_not_healthy_is_left_out_and_named(tmp_path: Path) -> None:
+    fleet = Fleet([3.0, 5.0, 4.0, 9.0])
+    calibration = fleet.calibrated()
+    assert calibration.learnt.overrides == {"imu.difference_sigma": 6.5}
+    assert calibration.numbers == (0, 1, 2)
+    (out,) = calibration.left_out
+    assert (out.name, out.why) == ("3.tlog", "imu0.acc_x faulty at 33.0 s: disagrees")
+    assert fleet.passes == [[0, 1, 2, 3], [0, 1, 2]]
+    assert [log.name for log in calibration.learnt.settings.learnt.logs] == [
+        "0.tlog",
+        "1.tlog",
+        "2.tlog",
+    ]
+    text = written(tmp_path, calibration).read_text()
+    assert "# Left out, not healthy: 3.tlog: imu0.acc_x faulty at 33.0 s: disagrees\n" in text
+
+
+def test_two_of_a_few_flights_are_not_the_exception() -> None:
+    with pytest.raises(Unfit, match=r"3\.tlog is not .*: disagrees; nor is 4\.tlog \(--assert"):
+        Fleet([3.0, 5.0, 4.0, 9.0, 9.0]).calibrated()
+    many = [4.0] * 18
+    assert len(Fleet([*many, 9.0, 9.0]).calibrated().left_out) == 2
+    with pytest.raises(Unfit, match=r"nor are 19\.tlog, 20\.tlog"):
+        Fleet([*many, 9.0, 9.0, 9.0]).calibrated()
+
+
+def test_a_flight_that_was_said_to_be_healthy_and_cannot_be_is_left_out() -> None:
+    fleet = Fleet([3.0, 9.0, 7.0, 40.0])
+    calibration = fleet.calibrated(assert_healthy=True)
+    assert calibration.learnt.overrides == {"imu.difference_sigma": 11.7}
+    (out,) = calibration.left_out
+    assert out.name == "3.tlog"
+    assert out.why.endswith("disagrees, even with every threshold out of reach")
+    assert calibration.flagged == 2
+    assert fleet.passes == [[0, 1, 2, 3], [0, 1, 2, 3], [0, 1, 2], [0, 1, 2]]
+
+
+def test_each_flight_is_judged_by_what_the_others_teach(tmp_path: Path) -> None:
+    fleet = Fleet([5.0, 7.0, 12.0, 6.5])
+    calibration = fleet.calibrated(assert_healthy=True)
+    (change,) = [c for c in calibration.learnt.changes if c.key == "imu.difference_sigma"]
+    assert (change.value, change.without, change.log, change.beyond) == (15.6, 9.1, "2.tlog", 3)
+    checked = flagged_by_the_others(fleet, calibration)
+    assert checked.crossed == (("2.tlog", Alarm("imu0.acc_x", 33.0, "disagrees")),)
+    assert (fleet.passes[-1], fleet.runs[-1].imu.difference_sigma) == ([2], 9.1)
+    text = " ".join(written(tmp_path, checked).read_text().replace("\n# ", " ").split())
+    assert "3 of 4 flights are silent; not 2.tlog: imu0.acc_x faulty at 33.0 s." in text
+    assert "15.6 without" not in text
+    assert "9.1 without that flight" in text
+
+
+def test_flights_that_resemble_each_other_hold_without_one() -> None:
+    fleet = Fleet([7.0, 7.1, 7.2, 6.9])
+    checked = flagged_by_the_others(fleet, fleet.calibrated(assert_healthy=True))
+    assert checked.crossed == ()
+    quiet = Fleet([2.0, 2.1, 2.2])
+    checked = flagged_by_the_others(quiet, quiet.calibrated())
+    assert (checked.crossed, checked.learnt.overrides) == ((), {})
+    assert len(quiet.passes) == 2
 
 
 def test_peaks_are_measured_with_the_noise_that_the_aircraft_shows() -> None:
     fleet = Fleet([3.0, 5.0, 4.0], gps=0.3)
-    learnt = package.calibrate(fleet, DEFAULTS)
+    learnt = fleet.calibrated().learnt
     assert [run.imu.gps_std_m_s for run in fleet.runs] == [0.12, 0.3, 0.3]
     assert learnt.settings.imu.gps_std_m_s == 0.3
     assert "imu.gps_std_m_s" in learnt.settings.learnt.keys
 
 
-def written(tmp_path: Path, learnt: Learnt, hand: dict[str, object] | None = None) -> Path:
+def written(
+    tmp_path: Path, calibration: Calibration, hand: dict[str, object] | None = None
+) -> Path:
     file = tmp_path / "sentry.toml"
-    file.write_text(document(learnt, hand or {}), encoding="utf-8")
+    file.write_text(document(calibration, hand or {}), encoding="utf-8")
     return file
 
 
 def test_the_file_gives_back_exactly_what_was_learnt(tmp_path: Path) -> None:
     fleet = Fleet([3.0, 5.123, 4.0], gps=0.3)
-    learnt = package.calibrate(fleet, configuration.load("light-aircraft"), "ranger")
-    file = written(tmp_path, learnt)
-    assert configuration.load(None, file) == learnt.settings
+    calibration = fleet.calibrated(configuration.load("light-aircraft"), "ranger")
+    file = written(tmp_path, calibration)
+    assert configuration.load(None, file) == calibration.learnt.settings
     origin = configuration.origins(None, file)
     assert origin["imu.difference_sigma"] == f"{file}, learnt from 3 flights, 0.25 h"
     assert origin["imu.noise_ratio"] == "default"
@@ -344,10 +423,11 @@ def test_the_file_gives_back_exactly_what_was_learnt(tmp_path: Path) -> None:
 
 
 def test_every_key_of_the_file_says_what_it_rests_on(tmp_path: Path) -> None:
-    learnt = package.calibrate(Fleet([3.0, 5.0, 4.0]), DEFAULTS)
-    text = " ".join(written(tmp_path, learnt).read_text().replace("\n# ", " ").split())
+    calibration = Fleet([3.0, 5.0, 4.0]).calibrated()
+    text = " ".join(written(tmp_path, calibration).read_text().replace("\n# ", " ").split())
     assert (
-        "Raised: healthy maximum 5 (1.tlog) times 1.3, 3 flights, 0.25 h judged. Default 6. "
+        "Raised: healthy maximum 5 (1.tlog) times 1.3, 3 flights, 0.25 h judged; 6 without that "
+        "flight. Default 6. "
         "Floor 3.5: where suspicion begins; ordinary noise would be accused below it. "
         "difference_sigma = 6.5"
     ) in text
@@ -362,9 +442,10 @@ def test_keys_set_by_hand_are_carried_along_and_learnt_ones_learnt_anew(tmp_path
     )
     settings, hand = configuration.by_hand(None, mine)
     fleet = Fleet([3.0, 5.0, 4.0], horizon=11.0)
-    learnt = package.calibrate(fleet, settings)
+    calibration = fleet.calibrated(settings)
+    learnt = calibration.learnt
     assert set(learnt.overrides) == {"imu.difference_sigma", "air.horizon.margin_all"}
-    file = written(tmp_path, learnt, hand)
+    file = written(tmp_path, calibration, hand)
     assert configuration.load(None, file) == learnt.settings
     assert configuration.load(None, file).imu.clear_s == 9.0
     again, hand_again = configuration.by_hand(None, file)

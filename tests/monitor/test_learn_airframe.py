@@ -26,7 +26,7 @@ from monitor.learn.airframe import (
     doubt,
     learn_airframe,
 )
-from monitor.learn.thresholds import Unfit
+from monitor.learn.fit import Unfit
 from monitor.settings import Settings
 from monitor.settings.wing import WingSettings, airframe_of
 from sim_feeds.papers.samar2006 import wrong_numbers

@@ -11,7 +11,7 @@ import pytest
 from links.samples import Batch
 from links.vocabulary import State
 from monitor import settings as configuration
-from monitor.learn import Flight, Learnt, Unfit, calibrate, measure
+from monitor.learn import Flight, Learnt, Trial, Unfit, calibrate, measure
 from monitor.settings import Settings
 from sim_feeds.scenario import Scenario
 from sim_feeds.sensors import markov
@@ -24,10 +24,12 @@ DEFAULTS = configuration.load()
 def calibrated(flights: dict[str, Batch], **options: Any) -> Learnt:
     """Thresholds learnt from decoded flights."""
 
-    def runs(settings: Settings, doing: str) -> list[Flight]:
-        return [measure([batch], settings, name) for name, batch in flights.items()]
+    named = list(flights.items())
 
-    return calibrate(runs, DEFAULTS, "noisy", **options)
+    def runs(trials: Sequence[Trial], doing: str) -> list[Flight]:
+        return [measure([named[k][1]], settings, named[k][0]) for k, settings in trials]
+
+    return calibrate(runs, len(named), DEFAULTS, "noisy", **options).learnt
 
 
 def found(batch: Batch, settings: Settings) -> list[tuple[str, float]]:

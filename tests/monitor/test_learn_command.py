@@ -10,7 +10,8 @@ import pytest
 from links.logs import TlogWriter
 from monitor import settings as configuration
 from monitor.cli import invoke
-from monitor.learn import runs
+from monitor.fleet.engine import Here, open_engine
+from monitor.learn.runs import logs_of, measure_logs
 from sim_feeds.player import frames_of, unix_us
 from sim_feeds.scenario import load
 
@@ -73,15 +74,14 @@ def test_what_is_no_log_or_would_be_overwritten_is_refused(
     assert str(missing) in refused(capsys, log, "--config", missing, "--out", tmp_path / "o.toml")
 
 
-def test_two_processes_measure_the_same(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, log: Path
-) -> None:
+def test_two_processes_measure_the_same(tmp_path: Path, log: Path) -> None:
     part = tmp_path / "part.tlog"
     part.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    one_by_one = runs.measure_logs([part, log], DEFAULTS, lambda fraction: None)
-    monkeypatch.setattr(runs, "WORTH_BYTES", 0)
+    logs = [(source, DEFAULTS) for source in logs_of([str(part), str(log)])]
     told: list[float] = []
-    both = runs.measure_logs([part, log], DEFAULTS, told.append)
+    one_by_one = measure_logs(Here(), logs, told.append)
+    with open_engine(workers=2) as engine:
+        both = measure_logs(engine, logs)
     assert [f.name for f in both] == ["part.tlog", "healthy.tlog"]
     for a, b in zip(one_by_one, both, strict=True):
         assert (a.peaks, a.levels, a.judged_s, a.sha256) == (
@@ -91,4 +91,9 @@ def test_two_processes_measure_the_same(
             b.sha256,
         )
     assert told == sorted(told)
-    assert told[-1] <= 1.0
+    assert told[-1] == 1.0
+
+
+def test_a_pattern_names_logs_and_each_counts_once(tmp_path: Path, log: Path) -> None:
+    named = logs_of([str(log.parent / "*.tlog"), str(log), str(log.parent)])
+    assert [source.log for source in named] == [str(log)]

@@ -13,7 +13,7 @@ from monitor.cli import app
 from monitor.commands.common import Refused
 from monitor.learn.engine import flight_of, learn_engine
 from monitor.learn.engine_document import engine_document
-from monitor.learn.thresholds import Unfit
+from monitor.learn.fit import Unfit
 from monitor.settings import Settings, load
 from monitor.settings.engine import EngineSettings
 

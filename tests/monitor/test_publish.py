@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
-from monitor.publish import Message, Publisher, mask_bit, masks
+from monitor.masks import mask_bit, masks
+from monitor.publish import Message, Publisher
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import AIR_ESTIMATE, IMU_ESTIMATE, StepResult, Verdict
 

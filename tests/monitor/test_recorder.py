@@ -45,6 +45,20 @@ def test_what_was_received_is_read_back_frame_by_frame(tmp_path):
     assert stamps[-1] - stamps[0] > 0.9 * len(stream) - 100
 
 
+def test_what_was_sent_stands_between_and_tears_nothing_apart(tmp_path):
+    received, ours = frames(6), frames(2)
+    stream = b"".join(received)
+    with Recorder(tmp_path, RecorderSettings()) as recorder:
+        recorder.take(stream[:70], 1_000)
+        recorder.take_sent(ours[0], 2_000)
+        recorder.take(stream[70:], 3_000)
+        recorder.take_sent(ours[1], 4_000)
+    back = [frame for frame, _ in read_back(tmp_path)]
+    first = back.index(ours[0], 1)
+    assert back[:first] + back[first + 1 : -1] == received
+    assert back[-1] == ours[1]
+
+
 def test_bytes_that_are_no_frame_are_not_recorded(tmp_path):
     sent = frames(3)
     with Recorder(tmp_path, RecorderSettings()) as recorder:

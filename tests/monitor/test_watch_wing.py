@@ -11,7 +11,8 @@ import pytest
 from links.airframes import load_airframe
 from links.samples import Batch, Rows
 from links.vocabulary import Reason, State
-from monitor.publish import Publisher, masks
+from monitor.masks import masks
+from monitor.publish import Publisher
 from monitor.settings import Settings
 from monitor.settings.publish import PublishSettings
 from monitor.settings.wing import WingSettings, airframe_of, surfaces_of

@@ -7,10 +7,14 @@ A case's ``run`` and its peers do the same work on the same input.
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-__all__ = ["BenchCase", "Measured"]
+__all__ = ["BULK_BYTES", "BenchCase", "Measured", "missing"]
+
+BULK_BYTES = 100_000_000
+"""Least size of a log that is decoded in bulk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +62,8 @@ class BenchCase:
     value: Callable[[], float | Measured] | None = None
     peer_calls: Mapping[str, int] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
+
+
+def missing(*peers: str) -> tuple[str, ...]:
+    """Those of the peers that are not installed here."""
+    return tuple(peer for peer in peers if importlib.util.find_spec(peer) is None)

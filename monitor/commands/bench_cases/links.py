@@ -12,21 +12,18 @@ from links.logs.tlog import read_tlog, tlog_columns
 from links.mavlink import Decoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
-from monitor.commands.bench_cases import BenchCase
+from monitor.commands.bench_cases import BULK_BYTES, BenchCase, missing
 from monitor.recorder import whole_frames
 
-__all__ = ["cases"]
+__all__ = ["cases", "decode_tlog"]
 
 GATHERED = 8
 """Frames of one turn of the daemon: 400 messages a second gathered for 20 ms."""
 
-BULK_BYTES = 100_000_000
-"""Least size of the log that is decoded in bulk: the given one, over and over."""
-
 PEER_BYTES = 400_000
 """A log reader that makes an object of every message gets this much of the log only."""
 
-FAST_PEER_BYTES = 10_000_000
+FAST_PEER_BYTES = 20_000_000
 """And a compiled one at least this much."""
 
 
@@ -34,7 +31,7 @@ def cases(log: Path, folder: Path) -> list[BenchCase]:
     """Cases on the frames of a telemetry log; ``folder`` takes what a peer must read."""
     frames = _frames(log)
     return [
-        _decode_tlog(log, folder),
+        decode_tlog(log, folder),
         _tlog_rows(log, len(frames)),
         _decode_live(frames[:4000]),
         _udp_roundtrip(frames[:100]),
@@ -47,20 +44,24 @@ def _frames(log: Path) -> list[bytes]:
     return [frame for part in parts for frame, _ in whole_frames(part)]
 
 
-def _decode_tlog(log: Path, folder: Path) -> BenchCase:
+def decode_tlog(log: Path, folder: Path, bulk: int = BULK_BYTES) -> BenchCase:
+    """A log of ``bulk`` bytes to the columns of all its messages, beside two readers.
+
+    All three check each frame's checksum and take every message of the ArduPilot dialect. Ours and
+    fasttlogparser end with all fields of all messages in arrays, in memory at once;
+    ``mavutil.recv_match`` makes an object of each message, whose fields it has unpacked, and drops
+    it before the next.
+    """
     once = log.read_bytes()
-    large = folder / "large.tlog"
-    with large.open("wb") as file:
-        for _ in range(-(-BULK_BYTES // len(once))):
-            file.write(once)
+    large = _repeated(once, bulk, folder / "large.tlog")
 
     def ours() -> int:
         return tlog_columns(large).frames
 
-    messages = ours()
     peers: dict[str, Callable[[], object]] = {}
     peer_calls = {}
-    if importlib.util.find_spec("pymavlink"):
+    absent = missing("pymavlink", "fasttlogparser")
+    if "pymavlink" not in absent:
         small = folder / "small.tlog"
         small.write_bytes(once[:PEER_BYTES])
 
@@ -76,24 +77,29 @@ def _decode_tlog(log: Path, folder: Path) -> BenchCase:
 
         peers["pymavlink"] = recv_match
         peer_calls["pymavlink"] = recv_match()
-    if importlib.util.find_spec("fasttlogparser"):
+    if "fasttlogparser" not in absent:
         parse = importlib.import_module("fasttlogparser").parseTLog
-        part = folder / "part.tlog"
-        with part.open("wb") as file:
-            for _ in range(-(-FAST_PEER_BYTES // len(once))):
-                file.write(once)
+        part = _repeated(once, min(bulk, FAST_PEER_BYTES), folder / "part.tlog")
         peers["fasttlogparser"] = lambda: parse(str(part))
         peer_calls["fasttlogparser"] = tlog_columns(part).frames
     return BenchCase(
         "decode_tlog",
         run=ours,
-        calls=messages,
+        calls=ours(),
         peers=peers,
         note=f"time per message of a log of {large.stat().st_size / 1e6:.0f} MB, from the file to "
         "every field of every message; the peers on a part of it",
         peer_calls=peer_calls,
-        missing=_missing("fasttlogparser"),
+        missing=absent,
     )
+
+
+def _repeated(once: bytes, least: int, file: Path) -> Path:
+    """A log over and over until it has ``least`` bytes."""
+    with file.open("wb") as out:
+        for _ in range(-(-least // len(once))):
+            out.write(once)
+    return file
 
 
 def _tlog_rows(log: Path, messages: int) -> BenchCase:
@@ -149,7 +155,3 @@ def _udp_roundtrip(frames: list[bytes]) -> BenchCase:
         calls=len(frames),
         note="a frame over UDP loopback there and back through our endpoints: the floor of latency",
     )
-
-
-def _missing(*peers: str) -> tuple[str, ...]:
-    return tuple(peer for peer in peers if importlib.util.find_spec(peer) is None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from monitor.learn import Flight, Unfit, calibrate, measure_log
+from monitor.learn import Flight, Trial, Unfit, calibrate, measure_log
 from monitor.settings import Settings
 
 __all__ = ["Learner", "calibrated", "leave_one_out"]
@@ -27,10 +27,10 @@ def calibrated() -> Learner:
         return measured[key]
 
     def learner(logs: Sequence[Path], settings: Settings) -> Settings:
-        def measure(tried: Settings, _: str) -> list[Flight]:
-            return [one(log, tried) for log in logs]
+        def measure(trials: Sequence[Trial], _: str) -> list[Flight]:
+            return [one(logs[k], tried) for k, tried in trials]
 
-        return calibrate(measure, settings).settings
+        return calibrate(measure, len(logs), settings).learnt.settings
 
     return learner
 

@@ -1,4 +1,4 @@
-"""A small ULog writer, and flights of sim_feeds as PX4 would log them."""
+"""Flights as PX4 would have logged them (.ulg), and the writer that does it."""
 
 from __future__ import annotations
 
@@ -9,23 +9,29 @@ import numpy as np
 
 from sim_feeds.scenario import Flight
 
+__all__ = ["UlogWriter", "dropout", "logged", "message", "parameter", "px4_log"]
+
 MAGIC = b"ULog\x01\x12\x35"
 
 
 def message(kind: str, body: bytes) -> bytes:
+    """A message of any type."""
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
 def parameter(name: str, value: float) -> bytes:
+    """A parameter's message."""
     key = f"float {name}".encode()
     return message("P", bytes([len(key)]) + key + struct.pack("<f", value))
 
 
 def logged(t_us: int, text: str, level: str = "4") -> bytes:
+    """A logged text's message."""
     return message("L", level.encode() + struct.pack("<Q", t_us) + text.encode())
 
 
 def dropout(ms: int) -> bytes:
+    """The message that tells how long nothing was logged."""
     return message("O", struct.pack("<H", ms))
 
 
@@ -63,11 +69,13 @@ class UlogWriter:
             self.put(t, message("D", struct.pack("<H", number) + row.tobytes()))
 
     def put(self, t_us: int, content: bytes) -> None:
+        """A message among the data."""
         self._data.append((t_us, len(self._data), content))
 
-    def content(self) -> bytes:
+    def content(self, times: int = 1) -> bytes:
+        """The file; its data stands in it ``times`` over."""
         body = b"".join(content for _, _, content in sorted(self._data))
-        return self._head + self.parameters + self._announced + body
+        return self._head + self.parameters + self._announced + body * times
 
 
 def px4_log(flight: Flight, *, seldom: bool = False) -> UlogWriter:
