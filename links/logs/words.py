@@ -82,6 +82,9 @@ class FrameWords:
         mask = (frames.message == ids[0]) | (frames.message == ids[1])
         mask &= frames.component != self._decoder.options.autopilot_component
         index = np.flatnonzero(mask)
+        if self._newest_us is None:
+            room = self._decoder.options.hold_back - sum(len(words) for _, words in self._waiting)
+            index = index[:room]
         if not len(index):
             return None
         words = np.zeros(len(index), WORD)
