@@ -44,22 +44,27 @@ class UdpEndpoint(Link):
 
     def recv(self, timeout_s: float) -> Received:
         out: Received = []
-        if not readable(self._socket, timeout_s):
-            return out
+        self._drain(out)  # first look, then wait: most calls find something
+        if not out and timeout_s > 0 and readable(self._socket, timeout_s):
+            self._drain(out)
+        return out
+
+    def _drain(self, out: Received) -> None:
+        """Take what has arrived."""
         while len(out) < MAX_PER_RECV:
             try:
-                data, peer = self._socket.recvfrom(65535)
+                if self._listen:
+                    data, self._peer = self._socket.recvfrom(65535)
+                else:
+                    data = self._socket.recv(65535)
             except BlockingIOError:
                 break
             except _GONE:  # an earlier datagram found nobody at the peer
                 self.counters.dropped += 1
                 continue
-            if self._listen:
-                self._peer = peer
             if data:
                 self._received(data)
                 out.append((data, now_us()))
-        return out
 
     def send(self, data: bytes) -> None:
         if self._peer is None:
