@@ -38,6 +38,7 @@ __all__ = [
     "OUT_OF_RANGE",
     "REASONS",
     "REBOOTS",
+    "SIZE",
     "TIMED",
     "TIME_REVERSED",
     "UNIX_FROM_US",
@@ -104,7 +105,7 @@ _MAX_FIXES = 8
 _BOOTS = _FIXES + 1 + 2 * _MAX_FIXES  # when the last epochs began
 _MAX_BOOTS = 16
 _AHEAD = _BOOTS + _MAX_BOOTS  # a stamp this far ahead is believed at once
-_SIZE = _AHEAD + 1
+SIZE = _AHEAD + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +152,7 @@ class VehicleClock:
     """
 
     def __init__(self, ahead_us: int = AHEAD_US) -> None:
-        self.state: Ints = np.zeros(_SIZE, np.int64)
+        self.state: Ints = np.zeros(SIZE, np.int64)
         self.state[[_NEWEST, _LAST, _UNIX]] = _NEVER
         self.state[_AHEAD] = ahead_us
 

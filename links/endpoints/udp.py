@@ -44,13 +44,7 @@ class UdpEndpoint(Link):
 
     def recv(self, timeout_s: float) -> Received:
         out: Received = []
-        self._drain(out)  # first look, then wait: most calls find something
-        if not out and timeout_s > 0 and readable(self._socket, timeout_s):
-            self._drain(out)
-        return out
-
-    def _drain(self, out: Received) -> None:
-        """Take what has arrived."""
+        waited = timeout_s <= 0
         while len(out) < MAX_PER_RECV:
             try:
                 if self._listen:
@@ -58,13 +52,16 @@ class UdpEndpoint(Link):
                 else:
                     data = self._socket.recv(65535)
             except BlockingIOError:
-                break
+                if out or waited or not readable(self._socket, timeout_s):
+                    break
+                waited = True  # looked first, for mostly there is something
             except _GONE:  # an earlier datagram found nobody at the peer
                 self.counters.dropped += 1
-                continue
-            if data:
-                self._received(data)
-                out.append((data, now_us()))
+            else:
+                if data:
+                    self._received(data)
+                    out.append((data, now_us()))
+        return out
 
     def send(self, data: bytes) -> None:
         if self._peer is None:

@@ -24,6 +24,7 @@ from links.mavlink import scan
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer, Frames
 from links.mavlink.kernels import (
+    CLOCK,
     COLUMNS,
     FULL,
     NOT_MINE,
@@ -31,6 +32,7 @@ from links.mavlink.kernels import (
     SCAN,
     SLACK,
     T_US,
+    TRAFFIC,
     WHY,
     decode_block,
 )
@@ -38,7 +40,7 @@ from links.mavlink.options import DecoderOptions, Vehicle
 from links.mavlink.plan import ARENA_AT, FIRST_T_US, NEEDED, NEVER, REBOOTS, TOLD, Plan, build_plan
 from links.mavlink.rows import gather_payloads
 from links.mavlink.sourcing import source_table
-from links.mavlink.traffic import Counters, count_frames
+from links.mavlink.traffic import Counters, count_frames, traffic_size
 from links.ranking import SourcesUsed
 from links.samples import NO_WORDS, Batch, Rows
 from links.vocabulary import Rejection
@@ -47,6 +49,8 @@ __all__ = ["Decoder"]
 
 _ARENA = 1 << 16  # bytes that rows are written to before new ones are asked for
 _BLOCK = 1 << 12  # bytes of a block that there is room for from the start
+
+_array = np.ndarray
 
 Rejected = Counter[tuple[str, Rejection]]
 Timed = tuple[Frames, NDArray[np.int64], NDArray[np.bool_]]
@@ -83,7 +87,11 @@ class Decoder:
         source_table(self._dialect, self.options, None)  # says at once what is wrong with options
         self._framer = Framer(self._dialect, stamped=stamped)
         self.clock = VehicleClock()
-        self.counters = Counters(self._dialect, self._framer, self.clock)
+        self._stream = np.zeros(TRAFFIC + traffic_size(self._dialect), np.int64)
+        for owner, part in ((self._framer, slice(CLOCK)), (self.clock, slice(CLOCK, TRAFFIC))):
+            self._stream[part] = owner.state
+            owner.state = self._stream[part]
+        self.counters = Counters(self._dialect, self._framer, self.clock, self._stream[TRAFFIC:])
         self.vehicle: Vehicle | None = None
         self.host_us: int | None = None
         self._system = -1
@@ -91,8 +99,7 @@ class Decoder:
         self._held: Frames | None = _NO_FRAMES
         self._fed = _NO_FRAMES
         self._plan: Plan | None = None
-        self._head = self._memory = np.empty(0, np.int64)
-        self._numbers = np.empty(0)
+        self._memory = np.empty(0, np.int64)
         self._view = self._memory.data
         self._told = 0
         self._block, self._found = b"", 0
@@ -137,7 +144,7 @@ class Decoder:
     @property
     def sensors(self) -> SourcesUsed:
         """Which messages the sensors were taken from."""
-        return SourcesUsed({} if self._plan is None else self._plan.used(self._memory))
+        return SourcesUsed({} if self._plan is None else self._plan.used())
 
     @property
     def first_t_us(self) -> int | None:
@@ -158,7 +165,7 @@ class Decoder:
 
         The median, because some recorders stamp their first frames with a time that is too early.
         """
-        leads = [] if self._plan is None else sorted(self._plan.leads(self._memory))
+        leads = [] if self._plan is None else sorted(self._plan.leads())
         return leads[len(leads) // 2] if leads else None
 
     # ------------------------------------------------------------------ blocks
@@ -183,13 +190,13 @@ class Decoder:
                 framer.settle(block, self._table)
                 rejected = framer.take_rejected()
             assert self._plan is not None
-            rejected.update(self._plan.take_rejected(self._memory))
+            rejected.update(self._plan.take_rejected())
             boots = self.clock.boots_since(int(self._memory[REBOOTS]))
         rows: dict[str, Rows] = {}
         view, arena = self._view, self._arena
         for k in range(self._told, self._told + 3 * told, 3):
             name, dtype = self._sensors[view[k]]
-            rows[name] = np.ndarray(view[k + 2], dtype, arena, view[k + 1])
+            rows[name] = _array(view[k + 2], dtype, arena, view[k + 1])
         return Batch(rows, rejected, boots, NO_WORDS)
 
     def _make_room(self, size: int) -> None:
@@ -209,13 +216,9 @@ class Decoder:
         """What the kernel works on, but for the block itself, in the order that it wants."""
         self._arrays = (
             self._dialect.extras,
-            self._framer.state,
+            self._stream,
             self._table.reshape(-1),
-            self.counters.array,
-            self.clock.state,
-            self._head,
-            self._numbers,
-            self._memory,
+            self._memory if self._plan is None else self._plan.array,
             self._arena,
         )
 
@@ -245,9 +248,8 @@ class Decoder:
         plan = build_plan(
             self._dialect, self.options, sources, vehicle.system_id, vehicle.autopilot
         )
-        self._plan, self._head, self._numbers = plan, plan.head, plan.numbers
-        self._memory, self._view = plan.memory, plan.memory.data
-        self._sensors, self._told = plan.sensors, int(plan.head[TOLD])
+        self._plan, self._memory, self._view = plan, plan.memory, plan.memory.data
+        self._sensors, self._told = plan.sensors, int(plan.array[TOLD])
         self._memory[FIRST_T_US] = self._first_us
         self._gather()
 

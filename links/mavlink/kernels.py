@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from links.clock import OUT_OF_RANGE, REASONS, TIMED, UNIX_FROM_US, Stamp, tick
 from links.clock import REBOOTS as CLOCK_REBOOTS
+from links.clock import SIZE as CLOCK_SIZE
 from links.conversions import DEG, UNIT_WITHIN, UNKNOWN_COURSE, Op
 from links.jit import inlined, kernel
 from links.mavlink import pitot_ratios, plan, scan
@@ -29,7 +30,19 @@ from links.mavlink.traffic import count_frames
 from links.memory import borrowed, copy_bytes, load_word, store_word
 from links.vocabulary import Rejection
 
-__all__ = ["COLUMNS", "FULL", "NOT_MINE", "ODD", "SCAN", "SLACK", "T_US", "WHY", "decode_block"]
+__all__ = [
+    "CLOCK",
+    "COLUMNS",
+    "FULL",
+    "NOT_MINE",
+    "ODD",
+    "SCAN",
+    "SLACK",
+    "TRAFFIC",
+    "T_US",
+    "WHY",
+    "decode_block",
+]
 
 COLUMNS = scan.COLUMNS + 2
 T_US, WHY = scan.COLUMNS, scan.COLUMNS + 1
@@ -38,6 +51,9 @@ T_US, WHY = scan.COLUMNS, scan.COLUMNS + 1
 
 NOT_MINE = -2
 """The frame is another system's, or our own."""
+
+CLOCK, TRAFFIC = scan.STATES, scan.STATES + CLOCK_SIZE
+"""Where the clock's part of a stream's memory begins, and that of what is counted."""
 
 SCAN = -1
 """Instead of a number of frames: find them."""
@@ -71,13 +87,9 @@ def decode_block(
     origin: int,
     found: int,
     extras: Any,
-    framing: Ints,
+    stream: Ints,
     cells: Ints,
-    traffic: Ints,
-    clock: Ints,
-    head: Ints,
-    numbers: Any,
-    memory: Ints,
+    whole_plan: Ints,
     arena: Any,
 ) -> int:
     """Rows of a block; how many sensors have some, plus ``ODD`` where there is more to tell.
@@ -88,23 +100,28 @@ def decode_block(
         The block, which stands at ``origin`` in the stream.
     found
         Frames that ``cells`` has already, their heads read and counted, or :data:`SCAN`.
-    extras, framing
-        As of :func:`links.mavlink.scan.scan_frames`; ``framing`` is its state.
+    extras
+        As of :func:`links.mavlink.scan.scan_frames`.
+    stream : (s,) int64
+        What is kept from block to block whoever the vehicle is: the state of the search up to
+        :data:`CLOCK`, that of the vehicle's clock up to :data:`TRAFFIC`, then
+        :attr:`links.mavlink.traffic.Counters.array`.
     cells : (room(n) * COLUMNS,) int64
         Takes the table of frames.
-    traffic
-        :attr:`links.mavlink.traffic.Counters.array`.
-    clock
-        :attr:`links.clock.VehicleClock.state`.
-    head, numbers, memory
-        Of the :class:`~links.mavlink.plan.Plan`; memory and ratios go on.
+    whole_plan
+        :attr:`links.mavlink.plan.Plan.array`; its memory and ratios go on.
     arena : (a,) uint8
         Written from ``memory[ARENA_AT]`` on; :data:`FULL` when ``memory[NEEDED]`` do not fit.
     """
-    data, extras, framing = borrowed(data), borrowed(extras), borrowed(framing)
-    table, traffic, clock = borrowed(cells.reshape(-1, COLUMNS)), borrowed(traffic), borrowed(clock)
-    head, numbers, memory = borrowed(head), borrowed(numbers), borrowed(memory)
-    arena = borrowed(arena)
+    data, extras, arena = borrowed(data), borrowed(extras), borrowed(arena)
+    table, stream, head = (
+        borrowed(cells.reshape(-1, COLUMNS)),
+        borrowed(stream),
+        borrowed(whole_plan),
+    )
+    framing, clock, traffic = stream[:CLOCK], stream[CLOCK:TRAFFIC], stream[TRAFFIC:]
+    memory = head[head[plan.MEMORY] : head[plan.NUMBERS]]
+    numbers = borrowed(head[head[plan.NUMBERS] :].view(np.float64))
     if found == SCAN:
         scan_frames(data, extras, framing, origin, table)
         found = framing[FOUND]

@@ -4,10 +4,10 @@ A :class:`Plan` is built once, when the vehicle is known: the sources that the d
 and the autopilot leave, flattened to tables of integers and of floats that compiled code can walk.
 What the tables say comes from :mod:`links.catalog` alone; here stands only how it is written down.
 
-All integers of a plan are one array: the head (``SYSTEM`` ... ``LEADS``), then the tables, whose
-columns are named below. All that changes while a stream is read is a second array of integers, the
-memory, whose places (``SEQ`` ...) and sections are named below too. Few arrays, because
-handing an array to compiled code costs as much as decoding a message.
+A plan is one array of integers: the *head* (``SYSTEM`` ... ``NUMBERS``); the tables, whose columns
+are named below; the *memory*, all that changes while a stream is read, whose places (``SEQ`` ...)
+and sections are named below too; and the *numbers*, which are floats. One array, because handing an
+array to compiled code takes as long as decoding a message.
 """
 
 from __future__ import annotations
@@ -44,8 +44,10 @@ SLOTS, MESSAGES, ENTRIES, FILLS, INPUTS = range(9, 14)
 RANKS, REASONS = range(14, 16)
 """Head: columns of the sections ``SPOKE`` and ``REJECTED``."""
 ROOM, BEGIN, COUNT, TOUCHED, TOLD, SPOKE, USED, REJECTED, LEADS = range(16, 25)
-"""Head: where each section of the memory begins."""
-HEAD = 25
+"""Head: where each section of the memory begins, counted from its own beginning."""
+MEMORY, NUMBERS = range(25, 27)
+"""Head: where they begin."""
+HEAD = 27
 
 M_SIZE, M_STAMP, M_STAMP_AT, M_STAMP_TYPE, M_STAMP_UNIT, M_UNIX_AT, M_FIRST, M_LAST = range(8)
 M_COLUMNS = 8
@@ -112,12 +114,8 @@ class Plan:
 
     Attributes
     ----------
-    head : (m,) int64
-        Head and tables.
-    numbers : (k,) float64
-        See ``RATIO``, ``SCALE``.
-    memory : (s,) int64
-        As it is before the first frame.
+    array : (n,) int64
+        All of it.
     sensors
         Name and dtype of each sensor, by number.
     rejecting
@@ -126,30 +124,34 @@ class Plan:
         The sources in use, in the order of their table.
     """
 
-    head: Ints
-    numbers: NDArray[np.float64]
-    memory: Ints
+    array: Ints
     sensors: tuple[tuple[str, np.dtype[np.void]], ...]
     rejecting: tuple[str, ...]
     entries: tuple[Entry, ...]
 
-    def used(self, memory: Ints) -> dict[str, Counter[str]]:
+    @property
+    def memory(self) -> Ints:
+        """The part that changes, but for the ratios: (s,) int64."""
+        return self.array[self.array[MEMORY] : self.array[NUMBERS]]
+
+    def used(self) -> dict[str, Counter[str]]:
         """Sensor -> rows taken of each message."""
         found: dict[str, Counter[str]] = {}
-        width = MOST_INSTANCES
+        first = int(self.array[USED])
+        counts = self.memory[first : first + len(self.entries) * MOST_INSTANCES]
         for e, entry in enumerate(self.entries):
-            first = int(self.head[self.head[ENTRIES] + e * E_COLUMNS + E_SENSOR])
-            at = int(self.head[USED]) + e * width
-            for k, n in enumerate(memory[at : at + width].tolist()):
+            first = int(self.array[self.array[ENTRIES] + e * E_COLUMNS + E_SENSOR])
+            of_entry = counts[e * MOST_INSTANCES : (e + 1) * MOST_INSTANCES]
+            for k, n in enumerate(of_entry.tolist()):
                 if n:
-                    counts = found.setdefault(self.sensors[first + k][0], Counter())
-                    counts[entry.source.message] += n
+                    by_message = found.setdefault(self.sensors[first + k][0], Counter())
+                    by_message[entry.source.message] += n
         return found
 
-    def take_rejected(self, memory: Ints) -> dict[tuple[str, Rejection], int]:
+    def take_rejected(self) -> dict[tuple[str, Rejection], int]:
         """What was rejected since the last call, by sensor and reason."""
-        first, reasons = int(self.head[REJECTED]), list(Rejection)
-        counts = memory[first : first + len(self.rejecting) * len(reasons)]
+        first, reasons = int(self.array[REJECTED]), list(Rejection)
+        counts = self.memory[first : first + len(self.rejecting) * len(reasons)]
         found = {
             (self.rejecting[at // len(reasons)], reasons[at % len(reasons)]): int(counts[at])
             for at in np.flatnonzero(counts).tolist()
@@ -157,9 +159,9 @@ class Plan:
         counts[:] = 0
         return found
 
-    def leads(self, memory: Ints) -> list[int]:
+    def leads(self) -> list[int]:
         """How far the clock was ahead of the stamps of the first frames that drive it [us]."""
-        first = int(self.head[LEADS])
+        first, memory = int(self.array[LEADS]), self.memory
         return [int(us) for us in memory[first : first + int(memory[LED])]]
 
 
@@ -229,10 +231,11 @@ def build_plan(
     memory[head[SPOKE] : head[USED]] = NEVER
     numbers = np.zeros(VALUES + MOST_VALUES)
     numbers[RATIO:VALUES] = options.airspeed_ratio
+    head[MEMORY] = sum(map(len, parts))
+    head[NUMBERS] = head[MEMORY] + len(memory)
+    floats = np.concatenate([numbers, np.array(writer.numbers, np.float64).ravel()])
     return Plan(
-        np.concatenate(parts),
-        np.concatenate([numbers, np.array(writer.numbers, np.float64).ravel()]),
-        memory,
+        np.concatenate([*parts, memory, floats.view(np.int64)]),
         tuple((name, QUANTITIES[quantity]) for name, quantity in sensors.items()),
         rejecting,
         tuple(writer.used),

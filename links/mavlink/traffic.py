@@ -18,7 +18,7 @@ from links.mavlink.dialect import Dialect
 from links.mavlink.framing import Framer
 from links.mavlink.scan import COMPONENT, MESSAGE, SEQUENCE, SYSTEM
 
-__all__ = ["Counters", "count_frames"]
+__all__ = ["Counters", "count_frames", "traffic_size"]
 
 _MESSAGES, _LOST, _BY_MESSAGE = 0, 1, 2
 _SENDERS = 1 << 16  # frames of each, then the last sequence number of each
@@ -33,16 +33,20 @@ class Counters:
     dialect, framer, clock
         Of the decoder.
 
-    Attributes
-    ----------
-    array : (m,) int64
-        What :func:`count_frames` keeps.
+    array : (traffic_size(dialect),) int64
+        What :func:`count_frames` keeps, all 0 at first.
     """
 
     __hash__ = None  # type: ignore[assignment]
 
-    def __init__(self, dialect: Dialect, framer: Framer, clock: VehicleClock) -> None:
-        self.array = np.zeros(_BY_MESSAGE + len(dialect.extras) + 2 * _SENDERS, np.int64)
+    def __init__(
+        self,
+        dialect: Dialect,
+        framer: Framer,
+        clock: VehicleClock,
+        array: NDArray[np.int64],
+    ) -> None:
+        self.array = array
         self._dialect, self._framer, self._clock = dialect, framer, clock
 
     @property
@@ -97,6 +101,11 @@ class Counters:
     def _all(self) -> tuple[Any, ...]:
         scalars = (self.bytes, self.bad_bytes, self.messages, self.lost, self.reboots)
         return (*scalars, self.by_name, self.by_source)
+
+
+def traffic_size(dialect: Dialect) -> int:
+    """Integers that counting a dialect's frames takes."""
+    return _BY_MESSAGE + len(dialect.extras) + 2 * _SENDERS
 
 
 @kernel

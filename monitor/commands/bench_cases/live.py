@@ -140,8 +140,8 @@ class _Voice:
             for data, host_us in received:
                 batch = self._decoder.feed(data, host_us)
                 if (rows := batch.rows.get("named")) is not None:
-                    row = rows[0]
-                    return int(row["t_us"]) // 1000, float(row["value"])
+                    _, t_us, _, value = rows[0].item()
+                    return t_us // 1000, value
         raise TimeoutError("a datagram on loopback was lost")
 
 
