@@ -14,6 +14,7 @@ system that sent most frames as component 1 is taken.
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,11 +178,11 @@ class Decoder:
         self._block, self._found = block, found
         framer = self._framer
         origin = framer.bytes - len(block)
-        told = decode_block(block, origin, found, *self._arrays)
+        told = self._work(block, origin, found)
         if told == FULL:
             self._make_arena(int(self._memory[NEEDED]))
             frames = int(framer.state[scan.FOUND]) if found == SCAN else found
-            told = decode_block(block, origin, frames, *self._arrays)
+            told = self._work(block, origin, frames)
         rejected: Rejected = Counter.__new__(Counter)  # its __init__ takes as long as a message
         boots: tuple[int, ...] = ()
         if told >= ODD:
@@ -213,8 +214,9 @@ class Decoder:
         self._gather()
 
     def _gather(self) -> None:
-        """What the kernel works on, but for the block itself, in the order that it wants."""
-        self._arrays = (
+        """Bind the kernel to all that it works on but the block itself."""
+        self._work = partial(
+            decode_block,
             self._dialect.extras,
             self._stream,
             self._table.reshape(-1),

@@ -79,23 +79,19 @@ Ints = NDArray[np.int64]
 
 @kernel
 def decode_block(
-    data: Any,
-    origin: int,
-    found: int,
     extras: Any,
     stream: Ints,
     cells: Ints,
     whole_plan: Ints,
     arena: Any,
+    data: Any,
+    origin: int,
+    found: int,
 ) -> int:
     """Rows of a block; how many sensors have some, plus ``ODD`` where there is more to tell.
 
     Parameters
     ----------
-    data : bytes
-        The block, which stands at ``origin`` in the stream.
-    found
-        Frames that ``cells`` has already, their heads read and counted, or :data:`SCAN`.
     extras
         As of :func:`links.mavlink.scan.scan_frames`.
     stream : (s,) int64
@@ -108,6 +104,10 @@ def decode_block(
         :attr:`links.mavlink.plan.Plan.array`; its memory and ratios go on.
     arena : (a,) uint8
         Written from ``memory[ARENA_AT]`` on; :data:`FULL` when ``memory[NEEDED]`` do not fit.
+    data : bytes
+        The block, which stands at ``origin`` in the stream.
+    found
+        Frames that ``cells`` has already, their heads read and counted, or :data:`SCAN`.
     """
     data, extras, arena = borrowed(data), borrowed(extras), borrowed(arena)
     table, stream, head = (
