@@ -37,6 +37,8 @@ __all__ = [
     "NO_TIME",
     "OUT_OF_RANGE",
     "REASONS",
+    "REBOOTS",
+    "SIZE",
     "TIMED",
     "TIME_REVERSED",
     "UNIX_FROM_US",
@@ -93,7 +95,7 @@ class Stamp(IntEnum):
 _NONE, _BOOT_MS, _USEC_32, _FIX = 0, 1, 3, 4  # of Stamp, as the kernels read them
 
 # the clock's array
-_NEWEST, _LAST, _REBOOTS, _JUMPS = 0, 1, 2, 3
+_NEWEST, _LAST, REBOOTS, _JUMPS = 0, 1, 2, 3
 _EPOCH = 4  # added to every stamp since boot
 _WRAP_MS = 5  # added to time_boot_ms besides
 _UNIX = 6  # added to Unix stamps
@@ -103,7 +105,7 @@ _MAX_FIXES = 8
 _BOOTS = _FIXES + 1 + 2 * _MAX_FIXES  # when the last epochs began
 _MAX_BOOTS = 16
 _AHEAD = _BOOTS + _MAX_BOOTS  # a stamp this far ahead is believed at once
-_SIZE = _AHEAD + 1
+SIZE = _AHEAD + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +152,7 @@ class VehicleClock:
     """
 
     def __init__(self, ahead_us: int = AHEAD_US) -> None:
-        self.state: Ints = np.zeros(_SIZE, np.int64)
+        self.state: Ints = np.zeros(SIZE, np.int64)
         self.state[[_NEWEST, _LAST, _UNIX]] = _NEVER
         self.state[_AHEAD] = ahead_us
 
@@ -167,7 +169,7 @@ class VehicleClock:
     @property
     def reboots(self) -> int:
         """Epochs begun after the first."""
-        return int(self.state[_REBOOTS])
+        return int(self.state[REBOOTS])
 
     def boots_since(self, reboots: int) -> tuple[int, ...]:
         """When each epoch after the first ``reboots`` began [us]; of the last 16.
@@ -359,8 +361,8 @@ def _outlying(clock: Ints, kind: int, raw: int) -> Timed:
 def _reboot(clock: Ints, raw: int) -> int:
     """Begin an epoch with its first stamp; return its time."""
     newest = clock[_NEWEST]
-    clock[_BOOTS + clock[_REBOOTS] % _MAX_BOOTS] = newest + EPOCH_GAP_US // 2
-    clock[_REBOOTS] += 1
+    clock[_BOOTS + clock[REBOOTS] % _MAX_BOOTS] = newest + EPOCH_GAP_US // 2
+    clock[REBOOTS] += 1
     clock[_RUN] = clock[_WRAP_MS] = 0
     clock[_UNIX] = _NEVER
     clock[_EPOCH] = newest + EPOCH_GAP_US - raw

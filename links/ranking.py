@@ -5,13 +5,16 @@ the last ``timeout``; so a better source takes over with its first row, and when
 next one steps in. A *synthetic* source (VFR_HUD.airspeed, the autopilot's own mixture) never steps
 in for a sensor that has spoken: that would hide a dead sensor. It is used only where no better
 source has spoken at all, and only after ``settle`` of vehicle time.
+
+Here this is said in numpy, for the readers of logs whose messages come by kind (DataFlash, ULog);
+:mod:`links.mavlink.kernels` does the same frame by frame.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +22,7 @@ from numpy.typing import NDArray
 from links.catalog import Source
 from links.samples import Rows
 
-__all__ = ["Candidate", "SensorRows", "SourceRanking"]
+__all__ = ["Candidate", "SensorRows", "SourceRanking", "SourcesUsed"]
 
 _NEVER = np.iinfo(np.int64).min
 
@@ -104,13 +107,9 @@ class SourceRanking:
         return chosen
 
 
-class SensorRows:
-    """One stream of numbered rows per sensor, out of what all sources offer.
-
-    Parameters
-    ----------
-    timeout_us, settle_us
-        As :class:`SourceRanking`.
+@dataclass(slots=True)
+class SourcesUsed:
+    """Which messages the sensors were taken from.
 
     Attributes
     ----------
@@ -118,10 +117,7 @@ class SensorRows:
         Sensor -> rows taken of each message.
     """
 
-    def __init__(self, timeout_us: int, settle_us: int) -> None:
-        self._ranking = SourceRanking(timeout_us, settle_us)
-        self._seq = 0
-        self.used: dict[str, Counter[str]] = {}
+    used: dict[str, Counter[str]] = field(default_factory=dict)
 
     def messages(self) -> dict[str, str]:
         """Sensor -> messages that it was taken from, the most used first."""
@@ -129,6 +125,21 @@ class SensorRows:
             sensor: ", ".join(name for name, _ in used.most_common())
             for sensor, used in self.used.items()
         }
+
+
+class SensorRows(SourcesUsed):
+    """One stream of numbered rows per sensor, out of what all sources offer.
+
+    Parameters
+    ----------
+    timeout_us, settle_us
+        As :class:`SourceRanking`.
+    """
+
+    def __init__(self, timeout_us: int, settle_us: int) -> None:
+        super().__init__()
+        self._ranking = SourceRanking(timeout_us, settle_us)
+        self._seq = 0
 
     def pick(self, offers: Mapping[str, list[Candidate]], first_t_us: int) -> dict[str, Rows]:
         """Each sensor's rows, numbered over all sensors in arrival order.

@@ -35,6 +35,9 @@ TOGETHER_US: Final = 5_000_000
 MONITORS: Final = 8
 """Monitors that are told apart."""
 
+_ID: Final = 0xFF
+"""Bits of a system id and of a component id."""
+
 
 class Agreement(StrEnum):
     """How live and replay stand to each other."""
@@ -62,14 +65,15 @@ class ReadBack:
 
     def add(self, words: Rows) -> None:
         """Take words as a log's batches give them: (n,) of :data:`links.samples.WORD`."""
-        words = words[np.isin(words["name"], NAMES)] if len(words) else words
         if not len(words):
             return
+        possible = (words["system"] | words["component"]) & ~_ID == 0
+        words = words[possible & np.isin(words["name"], NAMES)]
         component = np.where(words["component"] == 0, self._own, words["component"])
         sender = words["system"].astype(np.int64) << 8 | component
         for key in np.unique(sender).tolist():
             theirs = words[sender == key]
-            who = key >> 8, key & 0xFF
+            who = key >> 8, key & _ID
             if who not in self._monitors:
                 if len(self._monitors) == MONITORS:
                     continue

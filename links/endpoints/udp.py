@@ -44,21 +44,23 @@ class UdpEndpoint(Link):
 
     def recv(self, timeout_s: float) -> Received:
         out: Received = []
-        if not readable(self._socket, timeout_s):
-            return out
+        waited = timeout_s <= 0
         while len(out) < MAX_PER_RECV:
             try:
-                data, peer = self._socket.recvfrom(65535)
+                if self._listen:
+                    data, self._peer = self._socket.recvfrom(65535)
+                else:
+                    data = self._socket.recv(65535)
             except BlockingIOError:
-                break
+                if out or waited or not readable(self._socket, timeout_s):
+                    break
+                waited = True  # looked first, for mostly there is something
             except _GONE:  # an earlier datagram found nobody at the peer
                 self.counters.dropped += 1
-                continue
-            if self._listen:
-                self._peer = peer
-            if data:
-                self._received(data)
-                out.append((data, now_us()))
+            else:
+                if data:
+                    self._received(data)
+                    out.append((data, now_us()))
         return out
 
     def send(self, data: bytes) -> None:

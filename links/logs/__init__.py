@@ -67,10 +67,12 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogRead
     suffix = path.suffix.lower()
     if _stamped(head):
         return read_tlog(path, options)
-    if head.startswith(_ULOG_MAGIC) or suffix == ".ulg":
+    if head.startswith(_ULOG_MAGIC):
         return read_ulog(path, options)
     if head.startswith(_DATAFLASH_MAGIC) or suffix == ".bin":
         return read_dataflash(path, options)
+    if suffix == ".ulg":
+        return read_ulog(path, options)
     if suffix == ".log" and head.startswith(b"FMT"):
         raise LogError(f"{path} is a DataFlash log as text; only the binary .BIN can be read")
     return read_tlog(path, options)

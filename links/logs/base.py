@@ -15,7 +15,7 @@ from typing import IO, Protocol
 
 from links.clock import VehicleClock
 from links.mavlink.options import Vehicle
-from links.ranking import SensorRows
+from links.ranking import SourcesUsed
 from links.samples import Batch
 
 __all__ = ["CHUNK", "MAX_GAPS", "LogError", "LogInfo", "LogReader", "read_chunks"]
@@ -80,7 +80,7 @@ class LogInfo:
         """Vehicle time from the first record to the newest sample [s]."""
         return (self.last_t_us - self.first_t_us) * 1e-6
 
-    def note_rows(self, clock: VehicleClock, sensors: SensorRows) -> None:
+    def note_rows(self, clock: VehicleClock, sensors: SourcesUsed) -> None:
         """Take over what the rows read so far tell: newest time, messages of each sensor."""
         self.last_t_us = clock.newest_us or 0
         self.sources = sensors.messages()

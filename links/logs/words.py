@@ -65,15 +65,15 @@ class FrameWords:
         decoder = self._decoder
         if (told := self._find(decoder.frames)) is not None:
             self._waiting.append(told)
-        frames, times = decoder.timed
-        known = np.flatnonzero(times.ok)
+        frames, t_us, usable = decoder.timed
+        known = np.flatnonzero(usable)
         if not len(known) and self._newest_us is None:
             self._waiting = self._waiting[-decoder.options.hold_back :]
             return _NOTHING
         waiting, self._waiting = self._waiting, []
-        words = [self._date(*part, frames.position[known], times.t_us[known]) for part in waiting]
+        words = [self._date(*part, frames.position[known], t_us[known]) for part in waiting]
         if len(known):
-            self._newest_us = int(times.t_us[known[-1]])
+            self._newest_us = int(t_us[known[-1]])
         return np.concatenate([_NOTHING, *words])
 
     def _find(self, frames: Frames) -> tuple[NDArray[np.int64], Rows] | None:
@@ -82,6 +82,9 @@ class FrameWords:
         mask = (frames.message == ids[0]) | (frames.message == ids[1])
         mask &= frames.component != self._decoder.options.autopilot_component
         index = np.flatnonzero(mask)
+        if self._newest_us is None:
+            room = self._decoder.options.hold_back - sum(len(words) for _, words in self._waiting)
+            index = index[:room]
         if not len(index):
             return None
         words = np.zeros(len(index), WORD)

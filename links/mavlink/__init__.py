@@ -12,7 +12,8 @@
 
 from links.mavlink.decode import Decoder
 from links.mavlink.encoder import OUTPUT_MESSAGES, Encoder, encode
-from links.mavlink.options import Counters, DecoderOptions, Vehicle
+from links.mavlink.options import DecoderOptions, Vehicle
+from links.mavlink.traffic import Counters
 
 __all__ = [
     "OUTPUT_MESSAGES",

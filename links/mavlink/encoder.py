@@ -15,7 +15,7 @@ from typing import Any
 
 from fastcrc.crc16 import mcrf4xx
 
-from links.mavlink.dialect import CRC_TABLE, Dialect, Message, load_dialect
+from links.mavlink.dialect import Dialect, Message, load_dialect
 
 __all__ = ["OUTPUT_MESSAGES", "Encoder", "encode"]
 
@@ -34,9 +34,10 @@ OUTPUT_MESSAGES = (
 )
 """Messages that the monitor publishes, where the dialect has them."""
 
-_HEAD_V2 = struct.Struct("<BBBBBBBHB")
-_HEAD_V1 = struct.Struct("<BBBBBB")
+_HEAD_V2 = struct.Struct("<BBBBBBHB")  # what the checksum covers: all but the first byte
+_HEAD_V1 = struct.Struct("<BBBBB")
 _CRC = struct.Struct("<H")
+_BYTES = tuple(bytes([k]) for k in range(256))
 
 
 class _Layout:
@@ -168,31 +169,28 @@ class Encoder:
         if self._version == 2:
             # trailing zeros are not sent, but for the first byte
             payload = payload.rstrip(b"\0") or b"\0"
-            head = _HEAD_V2.pack(
-                0xFD,
-                len(payload),
-                0,
-                0,
-                sequence,
-                self._system,
-                self._component,
-                number & 0xFFFF,
-                number >> 16,
+            low, high = number & 0xFFFF, number >> 16
+            body = (
+                _HEAD_V2.pack(
+                    len(payload), 0, 0, sequence, self._system, self._component, low, high
+                )
+                + payload
             )
+            magic = b"\xfd"
         else:
             if number > 0xFF:
                 raise ValueError(f"MAVLink 1 cannot carry {message.name}")
             payload = payload[: message.base_size]
-            head = _HEAD_V1.pack(
-                0xFE, len(payload), sequence, self._system, self._component, number
+            body = (
+                _HEAD_V1.pack(len(payload), sequence, self._system, self._component, number)
+                + payload
             )
-        frame = head + payload
-        crc = mcrf4xx(frame[1:])
-        crc = (crc >> 8) ^ CRC_TABLE[(crc ^ message.crc_extra) & 0xFF]
+            magic = b"\xfe"
+        crc = mcrf4xx(body + _BYTES[message.crc_extra])
         self.messages += 1
-        self.bytes += len(frame) + 2
+        self.bytes += len(body) + 3
         self.by_name[message.name] += 1
-        return frame + _CRC.pack(crc)
+        return magic + body + _CRC.pack(crc)
 
 
 def encode(message: str, /, **fields: Any) -> bytes:

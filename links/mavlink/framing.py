@@ -27,7 +27,7 @@ from links.mavlink.dialect import Dialect
 from links.mavlink.scan import NO_STAMP
 from links.vocabulary import Rejection
 
-__all__ = ["MAX_FRAME", "NO_STAMP", "Framer", "Frames", "readable"]
+__all__ = ["MAX_FRAME", "NO_STAMP", "Framer", "Frames"]
 
 MAX_FRAME = 280
 """Longest frame: MAVLink 2, 255 bytes of payload, signed [bytes]."""
@@ -115,7 +115,7 @@ class Frames:
         table[:, 0] = 2 * np.array(starts)
         if stamped is not None:
             table[:, 0] += stamped
-        scan.frame_columns(readable(data), origin, table)
+        scan.frame_columns(data, origin, table)
         return Frames(data, table)
 
     def take(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Frames:
@@ -137,11 +137,6 @@ class Frames:
 _NONE = Frames(b"", np.empty((0, scan.COLUMNS), np.int64))
 
 
-def readable(data: bytes | memoryview) -> NDArray[np.uint8]:
-    """Bytes as the kernels want them: a read-only array over the same memory."""
-    return np.frombuffer(data, np.uint8)
-
-
 class Framer:
     """Cuts a byte stream into checked frames.
 
@@ -160,25 +155,28 @@ class Framer:
         Bytes that belonged to no frame (and to no stamp).
     unknown
         Message number -> frames passed over because the dialect has no such message.
+    state : (scan.STATES,) int64
+        What the search keeps.
     """
 
     def __init__(self, dialect: Dialect, *, stamped: bool = False) -> None:
         self._extras = dialect.extras
-        self._state = scan.new_state(stamped=stamped)
         self._rest = b""
         self._rejected: Counter[tuple[str, Rejection]] = Counter()
+        self.state = scan.new_state(stamped=stamped)
         self.bytes = 0
         self.bad_bytes = 0
         self.unknown: Counter[int] = Counter()
 
     def feed(self, data: bytes) -> Frames:
         """Frames completed by ``data``; what is incomplete waits for more."""
-        self.bytes += len(data)
-        return self._scan(self._rest + data if self._rest else bytes(data), final=False)
+        return self._scan(self.take(data))
 
     def finish(self) -> Frames:
         """Frames among the waiting bytes, now that no more will come; ready for a new stream."""
-        return self._scan(self._rest, final=True)
+        frames = self._scan(self.take_last())
+        self.state[scan.FINAL] = 0
+        return frames
 
     @property
     def pending(self) -> int:
@@ -190,13 +188,24 @@ class Framer:
         taken, self._rejected = self._rejected, Counter()
         return taken
 
-    def _scan(self, data: bytes, *, final: bool) -> Frames:
-        state = self._state
-        state[scan.FINAL] = final
-        table = np.empty((scan.room(len(data)), scan.COLUMNS), np.int64)
-        scan.scan_frames(readable(data), self._extras, state, self.bytes - len(data), table)
-        *_, found, unknown, _, keep, wrong, truncated, garbage = state.tolist()
-        self._rest = data[keep:]
+    # for who calls the search itself, as the decoder's kernel does: take, search, settle
+
+    def take(self, data: bytes) -> bytes:
+        """The block to search: what waited, then ``data``."""
+        self.bytes += len(data)
+        if self._rest:
+            data, self._rest = self._rest + data, b""
+        return data if type(data) is bytes else bytes(data)
+
+    def take_last(self) -> bytes:
+        """The last block to search; set ``state[FINAL]`` back to 0 when it is settled."""
+        self.state[scan.FINAL] = 1
+        return self.take(b"")
+
+    def settle(self, block: bytes, table: Column) -> None:
+        """Keep what must be shown again and count what was no frame."""
+        *_, unknown, _, keep, wrong, truncated, garbage = self.state.tolist()
+        self._rest = block[keep:]
         if unknown:
             self.unknown.update(table[len(table) - unknown :, 0].tolist())
             self._rejected["frame", Rejection.UNKNOWN_MESSAGE] += unknown
@@ -208,5 +217,12 @@ class Framer:
                 (Rejection.GARBAGE, garbage),
             )
             self._rejected.update({("frame", why): n for why, n in counts if n})
-            state[scan.BAD_CRC :] = 0
-        return Frames(data, table[:found]) if found else _NONE
+            self.state[scan.BAD_CRC :] = 0
+
+    def _scan(self, block: bytes) -> Frames:
+        table = np.empty((scan.room(len(block)), scan.COLUMNS), np.int64)
+        origin = self.bytes - len(block)
+        scan.scan_frames(block, self._extras, self.state, origin, table)
+        self.settle(block, table)
+        found = int(self.state[scan.FOUND])
+        return Frames(block, table[:found]) if found else _NONE

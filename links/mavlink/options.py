@@ -1,14 +1,13 @@
-"""How a stream is read, whose it is, and what went through."""
+"""How a stream is read, and whose it is."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from links import catalog
 
-__all__ = ["Counters", "DecoderOptions", "Vehicle"]
+__all__ = ["DecoderOptions", "Vehicle"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,32 +90,3 @@ class Vehicle:
     system_id: int
     autopilot: int
     type: int
-
-
-@dataclass(slots=True)
-class Counters:
-    """What went through a decoder.
-
-    Attributes
-    ----------
-    bytes, bad_bytes
-        Bytes fed, and those that belonged to no frame.
-    messages
-        Checked frames of all systems.
-    by_name
-        Message name -> checked frames; an unknown message counts under ``"#<number>"``.
-    by_source
-        (system, component) -> checked frames.
-    lost
-        Frames missing from the sequence numbers of all senders (modulo 256, so at least).
-    reboots
-        Times the vehicle's clock began anew.
-    """
-
-    bytes: int = 0
-    bad_bytes: int = 0
-    messages: int = 0
-    lost: int = 0
-    reboots: int = 0
-    by_name: Counter[str] = field(default_factory=Counter)
-    by_source: Counter[tuple[int, int]] = field(default_factory=Counter)

@@ -339,8 +339,8 @@ class StreamPatcher:
         return self._pour(0)
 
     def _pour(self, keep: int) -> bytes:
-        frames, times = self.decoder.timed
-        changes = self._change(frames, times.t_us, times.ok) if len(frames) else {}
+        frames, t_us, usable = self.decoder.timed
+        changes = self._change(frames, t_us, usable) if len(frames) else {}
         origin, pieces, at = self._written, [], 0
         for i in sorted(changes):
             start = int(frames.position[i]) - origin

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from links.samples import Rows
 
-__all__ = ["PitotRatios"]
+__all__ = ["HIGH", "LOW", "PITOT", "PitotRatios"]
 
-_PITOT = {b"ARSPD_RATIO": 0, b"ARSPD2_RATIO": 1, b"ARSPD3_RATIO": 2}
-_LOW, _HIGH = 0.1, 20.0  # outside, the parameter was never set or is damaged
+PITOT = {b"ARSPD_RATIO": 0, b"ARSPD2_RATIO": 1, b"ARSPD3_RATIO": 2}
+LOW, HIGH = 0.1, 20.0  # outside, the parameter was never set or is damaged
 
 
 class PitotRatios:
@@ -35,8 +35,8 @@ class PitotRatios:
         """Take the PARAM_VALUE payloads of a block, each with the index of its frame."""
         names, values = payload["param_id"].tolist(), payload["param_value"].tolist()
         for at, name, value in zip(frame.tolist(), names, values, strict=True):
-            pitot = _PITOT.get(name)
-            if pitot is not None and _LOW < value < _HIGH:
+            pitot = PITOT.get(name)
+            if pitot is not None and LOW < value < HIGH:
                 self._steps.setdefault(pitot, [(-1, self._default)]).append((at, value))
 
     def at(self, pitot: int, frame: NDArray[np.int64]) -> NDArray[np.float64]:

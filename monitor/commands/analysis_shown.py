@@ -101,10 +101,13 @@ def _show_live(live: Mapping[str, Any] | None, screen: Console) -> None:
             soft_wrap=True,
         )
         if faults:
-            screen.print(_live_table(faults))
+            wide = screen.width >= WIDE
+            screen.print(_live_table(faults, said=wide))
+            for line in () if wide else (line for line in faults if line["said"]):
+                screen.print(f"  {line['said']}", markup=False)
 
 
-def _live_table(lines: Sequence[Mapping[str, Any]]) -> Table:
+def _live_table(lines: Sequence[Mapping[str, Any]], *, said: bool) -> Table:
     from rich.table import Table
     from rich.text import Text
 
@@ -112,7 +115,8 @@ def _live_table(lines: Sequence[Mapping[str, Any]]) -> Table:
     table.add_column("sensor", no_wrap=True)
     for column in ("live", "cleared", "replay", "cleared", "live is"):
         table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("said in flight")
+    if said:
+        table.add_column("said in flight")
     for line in lines:
         delay_s, before = line["delay_s"], "before " if line["standing"] else ""
         table.add_row(
@@ -124,7 +128,7 @@ def _live_table(lines: Sequence[Mapping[str, Any]]) -> Table:
             ("" if line["agreement"] == "both" else line["agreement"])
             if delay_s is None
             else f"{abs(delay_s):.1f} s {'earlier' if delay_s < 0 else 'later'}",
-            Text(line["said"] or ""),  # a log's own words, not markup
+            *([Text(line["said"] or "")] if said else []),  # a log's own words, no markup
         )
     return table
 

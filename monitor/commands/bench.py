@@ -41,7 +41,8 @@ NAMES = {
     "imu": ("atsekf_step",),
     "engine": ("imkf_step",),
     "wing": ("mhmap_n50", "mhmap_n200"),
-    "links": ("decode_tlog", "tlog_rows", "decode_live", "udp_roundtrip"),
+    "links": ("decode_tlog", "tlog_rows"),
+    "live": ("decode_live", "decode_live_1", "decode_live_32", "udp_roundtrip"),
     "dataflash": ("decode_bin", "bin_rows"),
     "ulog": ("decode_ulg", "ulg_rows"),
     "whole": ("pipeline", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
@@ -151,6 +152,10 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import links
 
         cases += links.cases(log, folder)
+    if set(wanted) & set(NAMES["live"]):
+        from monitor.commands.bench_cases import live
+
+        cases += live.cases(log)
     if set(wanted) & set(NAMES["fleet"]):
         from monitor.commands.bench_cases import fleet
 

@@ -147,8 +147,7 @@ def _read(log: Path, options: DecoderOptions | None, tell: Tell) -> tuple[LogInf
         if not isinstance(reader, TlogReader):
             raise Refused(f"faults are injected into telemetry logs (.tlog) only: {log} is none")
         for _ in reader:
-            frames, times = reader.decoder.timed
-            survey.note(frames, times.t_us, times.ok)
+            survey.note(*reader.decoder.timed)
             tell(READING_SHARE * reader.info.bytes_read / max(reader.info.bytes, 1))
     except LogError as error:
         raise Refused(str(error)) from None

@@ -303,19 +303,25 @@ def _show(calibration: Calibration, out: Path) -> None:
     table.add_column("without it", justify="right", no_wrap=True)
     table.add_column("beyond", justify="right", no_wrap=True)
     table.add_column("so")
+    kept: dict[str, list[str]] = {}
     for change in learnt.changes:
-        moved = change.value != change.default
+        if change.value == change.default:
+            kept.setdefault(change.outcome.value, []).append(change.key)
+            continue
         table.add_row(
             change.key,
             f"{change.default:g}",
-            f"{change.value:g}" if moved else "",
-            "" if math.isnan(change.peak) else f"{change.peak:.3g}",
+            f"{change.value:g}",
+            f"{change.peak:.3g}",
             escape(change.log),
-            f"{change.without:g}" if moved and change.loudest >= 0 else "",
-            f"{change.beyond} of {change.flights}" if change.flights else "",
+            f"{change.without:g}" if change.loudest >= 0 else "",
+            f"{change.beyond} of {change.flights}",
             _effect(change),
         )
-    screen.print(table)
+    if table.row_count:
+        screen.print(table)
+    for why, keys in kept.items():
+        screen.print(f"{why}: {', '.join(keys)}", soft_wrap=True)
     for left in calibration.left_out:
         screen.print(escape(f"left out, not healthy: {left.name}: {left.why}"), soft_wrap=True)
     screen.print(
@@ -346,8 +352,6 @@ def _effect(change: Change) -> str:
     from monitor.learn.rules import Kind
 
     outcome = change.outcome.value
-    if change.value == change.default:
-        return outcome
     if change.kind is Kind.LEVEL:
         return f"{outcome}: the aircraft is noisier"
     if change.kind is Kind.REFERENCE:

@@ -126,8 +126,8 @@ def unknown(tables: Tables, key: str, sources: Sequence[Source]) -> list[Source]
     stands = pc.and_(pc.equal(logs["key"], key), pc.is_in(logs["status"], value_set=final))
     columns = (logs.filter(stands)[c].to_pylist() for c in ("log", "stamp", "copy_of"))
     known = {log: (stamp, copy_of) for log, stamp, copy_of in zip(*columns, strict=True)}
-    changed = {s.log for s in sources if not s.stamp or known.get(s.log, ("",))[0] != s.stamp}
-    return [s for s in sources if s.log in changed or known[s.log][1] in changed]
+    changed = {s.shown for s in sources if not s.stamp or known.get(s.shown, ("",))[0] != s.stamp}
+    return [s for s in sources if s.shown in changed or known[s.shown][1] in changed]
 
 
 def merged(old: Tables, new: Tables) -> dict[str, pa.Table]:

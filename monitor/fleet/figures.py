@@ -159,6 +159,11 @@ def figures(tables: Tables, key: str) -> dict[str, Any]:
         "worst": _worst(flights),
         "doubted": _rows(doubted.sort_by([("reasons", "descending"), *_NEWEST])),
         "faults": _rows(faults),
+        "newest": _rows(
+            flights.sort_by(
+                [("month", "descending"), ("start", "descending"), ("log", "ascending")]
+            )
+        ),
         "events": _rows(tables["events"].sort_by([("month", "descending"), ("log", "ascending")])),
         "not_judged": _not_judged(logs),
     }

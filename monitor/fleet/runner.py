@@ -130,7 +130,7 @@ def _tasks(todo: Sequence[Source], plan: Plan) -> Iterator[Task]:
 def _final(account: Account, sources: Sequence[Source], tables: Tables) -> Account:
     """The account of all logs that were given, known ones and copies told apart."""
     logs = tables["logs"]
-    logs = logs.filter(pc.is_in(logs["log"], value_set=pa.array([s.log for s in sources])))
+    logs = logs.filter(pc.is_in(logs["log"], value_set=pa.array([s.shown for s in sources])))
     final = Account(account.logs, account.known)
     columns = (logs[column].to_pylist() for column in ("status", "reason", "faults"))
     for status, reason, faults in zip(*columns, strict=True):

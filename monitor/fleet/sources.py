@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["LOG_SUFFIXES", "Source", "SourceError", "expand", "is_url", "opened"]
+__all__ = ["LOG_SUFFIXES", "Source", "SourceError", "expand", "is_url", "opened", "printable"]
 
 LOG_SUFFIXES = (".tlog", ".bin", ".ulg")
 """Files that are taken when a folder is named; a file that is named itself is always taken."""
@@ -44,6 +44,11 @@ class Source:
     stamp: str
 
     @property
+    def shown(self) -> str:
+        """The log as any text can hold it: on this computer a file's name is bytes, not text."""
+        return printable(self.log)
+
+    @property
     def name(self) -> str:
         """The file's name."""
         return self.log.partition("::")[0].rpartition("/")[2]
@@ -52,6 +57,11 @@ class Source:
     def folder(self) -> str:
         """Name of the folder that holds it."""
         return self.log.partition("::")[0].rpartition("/")[0].rpartition("/")[2]
+
+
+def printable(text: str) -> str:
+    """The text with what UTF-8 cannot say as a backslash and a number."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def is_url(text: str) -> bool:

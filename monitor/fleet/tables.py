@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from monitor.fleet.outcome import Outcome
 from monitor.fleet.places import report_folder
-from monitor.fleet.sources import Source
+from monitor.fleet.sources import Source, printable
 
 __all__ = ["NO_MONTH", "SCHEMAS", "AircraftRule", "rows_of"]
 
@@ -128,11 +128,12 @@ class AircraftRule:
     def of(self, source: Source, vehicle: Mapping[str, Any]) -> str:
         """Name of the aircraft."""
         if self._pattern is not None:
-            match = self._pattern.search(source.log)
+            match = self._pattern.search(source.shown)
             if match is not None:
                 return next((g for g in match.groups() if g), match.group())
         system_id = vehicle.get("system_id")
-        return f"{source.folder}/{system_id}" if system_id else source.folder
+        folder = printable(source.folder)
+        return f"{folder}/{system_id}" if system_id else folder
 
 
 def rows_of(
@@ -142,7 +143,7 @@ def rows_of(
     log, vehicle = outcome["log"], outcome["vehicle"]
     start = _start(log)
     where = {
-        "log": source.log,
+        "log": source.shown,
         "month": _month(start, source.name),
         "aircraft": aircraft.of(source, vehicle),
     }

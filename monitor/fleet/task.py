@@ -173,7 +173,7 @@ def _summary(
             files += [file.relative_to(near).as_posix() for file in analysis.files[1:]]
     else:
         analysis = analyze_log(path, settings, check)
-    analysis.summary["log"]["path"] = task.source.log
+    analysis.summary["log"]["path"] = task.source.shown
     place.write(f"{folder}/{SUMMARY}", _json(analysis.summary))
     return analysis.summary, files
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from links.logs import TlogWriter, read_dataflash, read_tlog, read_ulog
-from links.mavlink import Encoder
+from links.logs import LogError, TlogWriter, read_dataflash, read_tlog, read_ulog
+from links.mavlink import DecoderOptions, Encoder
 from links.samples import WORD, Batch
 from sim_feeds.dataflash import DataflashWriter
 from sim_feeds.ulog import UlogWriter, logged
@@ -61,6 +61,18 @@ def test_a_telemetry_log_tells_who_said_what_when(flight: Path, chunk: int) -> N
         b"click",
         b"mine",
     }
+
+
+def test_words_of_no_vehicle_wait_in_bounded_memory(tmp_path: Path) -> None:
+    monitor = Encoder(1, 191)
+    file = tmp_path / "alone.tlog"
+    with TlogWriter(file) as log:
+        for k in range(900):
+            log.write(monitor.encode("STATUSTEXT", severity=6, text=str(k)), UNIX_US + k)
+    reader = read_tlog(file, DecoderOptions(hold_back=100), chunk=500)
+    with pytest.raises(LogError, match="no message of a vehicle"):
+        list(reader)
+    assert sum(len(words) for _, words in reader._words._waiting) == 100
 
 
 def test_our_own_frames_fill_no_gap_of_the_recording(tmp_path: Path) -> None:

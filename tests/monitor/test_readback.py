@@ -216,6 +216,7 @@ def said(name: str, value: float, component: int, text: str = "", system: int = 
         [said("R_CAS", 20.0, OURS), said("VIBE_X", 1.0, FOREIGN)],
         [said("", 0.0, FOREIGN, "airspeed0 FAULTY: 3.1 m/s low"), said("", 0.0, OURS, "hello")],
         [said("FLT_AIR", 1.0, OURS, system=2), said("MON_AIR", 1.0, OURS, system=2)],
+        [said("FLT_AIR", 1.0, 256 + OURS), said("FLT_AIR", 1.0, OURS, system=-1)],  # damaged
         [],
     ],
 )

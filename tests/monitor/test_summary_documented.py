@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from links.logs import TlogWriter
 from links.mavlink import Encoder
 from links.vocabulary import State
 from monitor import summary
 from monitor.analyze import analyze_into
+from monitor.commands import analysis_shown
 from monitor.commands.analysis_shown import show
 from monitor.commands.feed import write_log
 from monitor.learn.flights import digest
@@ -117,3 +119,14 @@ def test_live_is_shown_beside_replay(written, capsys) -> None:
     assert f"before {line['live_s']:.1f} s" in first
     assert first.rstrip("│ ").endswith("airspeed0 FAULTY: [/b]")
     assert "not heard" in second
+
+
+def test_on_a_narrow_screen_what_was_said_stands_below(written, capsys, monkeypatch) -> None:
+    (line,) = written["live"]["faults"]
+    faults = [{**line, "said": "airspeed0 FAULTY: [/b]"}]
+    narrow = Console(width=80)
+    monkeypatch.setattr(analysis_shown, "console", lambda: narrow)
+    show({**written, "live": {**written["live"], "faults": faults}}, [Path("summary.json")])
+    said = capsys.readouterr().out
+    assert "\n  airspeed0 FAULTY: [/b]\n" in said
+    assert "said in flight" not in said

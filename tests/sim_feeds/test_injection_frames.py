@@ -312,8 +312,7 @@ def surveyed(log: bytes) -> Survey:
     survey, decoder = Survey(), Decoder(stamped=True)
     for data in (log[:50_000], log[50_000:]):
         decoder.feed(data)
-        frames, times = decoder.timed
-        survey.note(frames, times.t_us, times.ok)
+        survey.note(*decoder.timed)
     return survey
 
 

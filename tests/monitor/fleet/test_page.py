@@ -167,6 +167,8 @@ def test_every_link_leads_to_a_file_beside_the_page(
     elements = Elements((tmp_path / PAGE).read_text("utf-8"))
     away = [href for href in elements.every("href") if not href.startswith("#")]
     assert len(away) >= 5
+    flown = (r for r in fleet["logs"].to_pylist() if r["status"] == "judged")
+    assert {row["report"] for row in flown} <= set(away)
     assert all((tmp_path / href).is_file() for href in away)
     anchors = {href[1:] for href in elements.every("href") if href.startswith("#")}
     assert anchors <= set(elements.every("id"))

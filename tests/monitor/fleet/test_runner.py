@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -252,3 +253,16 @@ def test_a_copy_waits_for_its_original_alone(logs) -> None:
     sources = [Source("x", 5, "1"), Source("y", 7, "1"), Source("z", 5, "1")]
     twins = {t.source.log: t.twin for t in _tasks(sources, make_plan(load_settings(), "out"))}
     assert twins == {"x": True, "y": False, "z": True}
+
+
+def test_a_file_name_that_is_no_text_is_a_row_like_any_other(run, logs, tmp_path) -> None:
+    name = os.fsdecode(b"caf\xe9-2026-05-03.tlog")
+    try:
+        (logs / name).write_text("faulty, too")
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    assert run().by_status["judged"] == 5
+    row = rows(tmp_path)["caf\\udce9-2026-05-03"]
+    assert (row["faults"], row["month"]) == (1, "2026-03")
+    assert "caf\\udce9-2026-05-03.tlog" in (tmp_path / "out" / "index.html").read_text("utf-8")
+    assert run().known == 5
