@@ -99,7 +99,7 @@ class ImuWatch:
         if events is None:
             return result
         t_s, kind, values = events
-        room = int((t_s[-1] - t_s[0]) / TICK_S) + 3
+        room = min(int((t_s[-1] - t_s[0]) / TICK_S) + 3, len(t_s))  # a row closes one at most
         ticks = np.zeros((room, bank.MAX_IMUS, 19))
         used = np.zeros(1, dtype=np.int64)
         at = 0
