@@ -328,6 +328,8 @@ def watch_noise(
         Whether baselines move: in flight only.
     """
     s = noise[imu]
+    seen = s[N_SEEN, 0]
+    gain = max(1.0 / (seen + 20.0), min(1.0, dt / NOISE_BASELINE_S))
     zero = True
     for c in range(6):
         slope = u[c] - last[c]
@@ -343,19 +345,17 @@ def watch_noise(
         else:
             s[N_SAME, c] += 1.0
         if learn:
-            gain = max(1.0 / (s[N_SEEN, c] + 20.0), min(1.0, dt / NOISE_BASELINE_S))
             # A rest that is becoming improbable teaches nothing: else a stuck value would excuse
             # itself.
             share = min(max(s[N_REPEAT, c], LEAST_SHARE), 1.0)
             if not same or -s[N_SAME, c] * math.log(share) < 0.5 * REST_NATS:
                 s[N_REPEAT, c] += gain * ((1.0 if same else 0.0) - s[N_REPEAT, c])
             level = math.log(max(s[N_DIFF2, c], 1e-12))
-            if s[N_SEEN, c] == 0.0:
+            if seen == 0.0:
                 s[N_LOG_BASE, c] = level
-            known = s[N_SEEN, c] >= KNOWN_SAMPLES
-            loud = known and level - s[N_LOG_BASE, c] > 2.0 * LOG_NOISE
+            loud = seen >= KNOWN_SAMPLES and level - s[N_LOG_BASE, c] > 2.0 * LOG_NOISE
             s[N_LOG_BASE, c] += (SLOWER * gain if loud else gain) * (level - s[N_LOG_BASE, c])
-            s[N_SEEN, c] += 1.0
+            s[N_SEEN, c] = seen + 1.0
         zero = zero and u[c] == 0.0
     if not zero:
         s[N_ZERO_S, 0] = t

@@ -34,11 +34,12 @@ from estimators.ins_bank_interest import (
     swings,
 )
 from estimators.ins_bank_measure import NOISE_FRACTION, measure
-from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, carry
+from estimators.ins_bank_model import EARTH_RADIUS_M, F_ACC, Six, carry
 from estimators.ins_bank_state import (
     ATTITUDE,
     BARO,
     C_CHANGED,
+    C_COS_LAT,
     C_FIX_S,
     C_FLYING,
     C_GPS_BAD_S,
@@ -49,8 +50,10 @@ from estimators.ins_bank_state import (
     C_POS_M,
     C_POS_N,
     C_POS_T,
+    C_SIN_LAT,
     C_SPIN_S,
     C_STOPPED,
+    C_TAN_LAT,
     C_TICK,
     EVENT_WIDTH,
     GPS,
@@ -82,7 +85,7 @@ from estimators.ins_bank_windows import (
     roll,
     roll_windows,
 )
-from estimators.jit import inlined, kernel
+from estimators.jit import borrowed, inlined, kernel
 
 __all__ = [
     "ATTITUDE",
@@ -148,19 +151,38 @@ ATTITUDE_INTERVAL_S = BARO_INTERVAL_S = 0.15
 
 
 @inlined
-def _step_filters(b: Bank, p: Tuning, imu: int, u0: Array, u1: Array, dt: float) -> None:
-    u = 0.5 * (u0 + u1)
-    var = np.empty(6)
-    for k in range(6):
-        var[k] = (
-            p.noise_density[k] ** 2
-            + NOISE_FRACTION**2 * b.diff2[imu, k] * dt
-            + (p.scale_error[k] * u[k]) ** 2
-        )
-    lat = 0.0 if math.isnan(b.ref[R_LAT]) else b.ref[R_LAT]
-    cos, sin, tan = math.cos(lat), math.sin(lat), math.tan(lat)
-    for mode in range(2):
-        c = 2 * imu + mode
+def _between(last: Array, u: Array, share: float) -> Six:
+    """The sample this share of the way from one to the next."""
+    return (
+        last[0] + share * (u[0] - last[0]),
+        last[1] + share * (u[1] - last[1]),
+        last[2] + share * (u[2] - last[2]),
+        last[3] + share * (u[3] - last[3]),
+        last[4] + share * (u[4] - last[4]),
+        last[5] + share * (u[5] - last[5]),
+    )
+
+
+@inlined
+def _density(b: Bank, p: Tuning, imu: int, k: int, u: float, dt: float) -> float:
+    """Noise density of an input, squared."""
+    own, scaled = p.noise_density[k], p.scale_error[k] * u
+    return float(own * own + NOISE_FRACTION**2 * b.diff2[imu, k] * dt + scaled * scaled)
+
+
+@inlined
+def _step_filters(b: Bank, p: Tuning, imu: int, u: Six, dt: float) -> None:
+    """Carry both filters of an IMU over ``dt``, with the mean input."""
+    var = (
+        _density(b, p, imu, 0, u[0], dt),
+        _density(b, p, imu, 1, u[1], dt),
+        _density(b, p, imu, 2, u[2], dt),
+        _density(b, p, imu, 3, u[3], dt),
+        _density(b, p, imu, 4, u[4], dt),
+        _density(b, p, imu, 5, u[5], dt),
+    )
+    cos, sin, tan = b.clock[C_COS_LAT], b.clock[C_SIN_LAT], b.clock[C_TAN_LAT]
+    for c in range(2 * imu, 2 * imu + 2):
         if not math.isnan(b.aligned_s[c]):
             carry(b.x[c], b.R[c], b.acc[c], u, var, cos, sin, tan, b.clock[C_GRAVITY], dt)
 
@@ -172,6 +194,34 @@ def _alone(b: Bank, p: Tuning, imu: int, t: float) -> bool:
         if i != imu and t - b.sample[i, 0] < MAX_GAP_S:
             return False
     return not p.attitude_independent
+
+
+@inlined
+def _mean(last: Array, u: Array, t0: float, dt: float, begin: float, end: float) -> Six:
+    """Mean of the samples between two times: their value halfway, interpolated."""
+    return _between(last, u, 0.5 * ((begin - t0) + (end - t0)) / dt)
+
+
+@inlined
+def _walk(b: Bank, p: Tuning, imu: int, t0: float, t: float, last: Array, u: Array) -> None:
+    """Carry both filters from one sample to the next, stopping at every measurement between."""
+    at, dt, waits = t0, t - t0, True
+    while waits:
+        slot = b.pend_read[imu] % PENDING
+        waits = b.pend_read[imu] < b.pend_read[-1] and b.pend[slot, 0] <= t
+        until = b.pend[slot, 0] if waits else t
+        if until > at:
+            _step_filters(b, p, imu, _mean(last, u, t0, dt, at, until), until - at)
+            at = until
+        if waits:
+            kind = int(b.pend[slot, 1])
+            if kind == ATTITUDE:
+                rest = _mean(last, u, t0, dt, at, t)
+                theta = b.integral[imu, 3:] - (t - at) * np.array([rest[3], rest[4], rest[5]])
+                note_turn(b.turns[imu], at, b.pend[slot, 2:6].copy(), theta)
+                undo_jump(b.turns[imu], b.heading[imu], _alone(b, p, imu, t))
+            measure(b, p, imu, at, kind, b.pend[slot, 2:])
+            b.pend_read[imu] += 1
 
 
 @inlined
@@ -190,10 +240,10 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     elif t > t0:
         dt = t - t0
         gain = min(1.0, dt / NOISE_TAU_S)
-        last = b.sample[imu, 1:].copy()
-        turn2 = 0.0
+        last = b.sample[imu, 1:]
+        turn2, follow = 0.0, min(1.0, dt / TURN_TAU_S)
         for k in range(3):
-            b.turn[imu, k] += min(1.0, dt / TURN_TAU_S) * (u[3 + k] - b.turn[imu, k])
+            b.turn[imu, k] += follow * (u[3 + k] - b.turn[imu, k])
             turn2 += b.turn[imu, k] ** 2
         if turn2 > p.max_rate_rad_s**2:
             b.clock[C_SPIN_S] = t
@@ -202,24 +252,7 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
             b.alias[imu, k] = b.diff2[imu, k] * min(dt, p.tick_s)
         fill_bins(b.edge, b.edge_at, b.integral, imu, t0, t, last, u, b.usual_s, p.tick_s)
         watch_noise(b.noise, imu, t, dt, last, u, b.clock[C_FLYING] == 1.0)
-        at, u_at = t0, last
-        while b.pend_read[imu] < pushed:
-            slot = b.pend_read[imu] % PENDING
-            t_m = b.pend[slot, 0]
-            if t_m > t:
-                break
-            if t_m > at:
-                u_m = last + (t_m - t0) / dt * (u - last)
-                _step_filters(b, p, imu, u_at, u_m, t_m - at)
-                at, u_at = t_m, u_m
-            if b.pend[slot, 1] == ATTITUDE:
-                theta = b.integral[imu, 3:] - 0.5 * (t - at) * (u_at[3:] + u[3:])
-                note_turn(b.turns[imu], at, b.pend[slot, 2:6].copy(), theta)
-                undo_jump(b.turns[imu], b.heading[imu], _alone(b, p, imu, t))
-            measure(b, p, imu, at, int(b.pend[slot, 1]), b.pend[slot, 2:])
-            b.pend_read[imu] += 1
-        if t > at:
-            _step_filters(b, p, imu, u_at, u, t - at)
+        _walk(b, p, imu, t0, t, last, u)
     else:
         return
     b.sample[imu, 0] = t
@@ -252,6 +285,7 @@ def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
         else:
             c[C_POS_T] = t
         c[C_GRAVITY] = gravity(lat, alt)
+        c[C_COS_LAT], c[C_SIN_LAT], c[C_TAN_LAT] = math.cos(lat), math.sin(lat), math.tan(lat)
         b.ref[R_T_GPS] = t
         b.ref[R_VN : R_VD + 1] = z[:3]
         b.ref[R_LAT], b.ref[R_ALT], b.ref[R_LON] = lat, alt, lon
@@ -323,12 +357,13 @@ def run(
     int
         Number of events used so far; a tick has just been closed unless it is ``n``.
     """
+    b, p = borrowed(b), borrowed(p)
     n_imus = b.sample.shape[0]
     for e in range(first, t_s.shape[0]):
         t, k = t_s[e], kind[e]
         b.clock[C_NOW] = t
         if k < MAX_IMUS:
-            _imu_sample(b, p, k, t, values[e, :6].copy())
+            _imu_sample(b, p, k, t, values[e, :6])
         elif k == PHASE:
             b.clock[C_FLYING] = values[e, 0]
             b.clock[C_CHANGED] = 1.0
@@ -340,6 +375,8 @@ def run(
         else:
             _reference(b, t, k, values[e])
         tick = math.floor(t / p.tick_s)
+        if tick <= b.clock[C_TICK]:
+            continue
         # A tick closes when every IMU that still speaks has passed its edge.
         edge_s = tick * p.tick_s
         for i in range(n_imus):

@@ -34,7 +34,6 @@ from estimators.ins_bank_model import (
     N,
     close_interval,
     inject,
-    product,
     scalar_update,
 )
 from estimators.ins_bank_state import (
@@ -52,7 +51,7 @@ from estimators.ins_bank_state import (
     Bank,
     Tuning,
 )
-from estimators.ins_bank_windows import restart_windows
+from estimators.ins_bank_windows import restart_windows, windows_in_use
 from estimators.jit import inlined, kernel
 
 __all__ = ["NOISE_FRACTION", "measure"]
@@ -86,6 +85,9 @@ GPS_JOLT_M_S = 2.5
 """A velocity disagrees with the IMU by this much more, from fix to fix, than from the fix before
 to the last, or by four sigma of what the samples alias: no fault of an IMU does that twice, a noisy
 receiver does."""
+
+NU, NOISE = N, N + 1
+"""Columns of a measurement's row after those of H: its innovation, the variance of its noise."""
 
 SLIP_INTERVAL_S = 1.0
 """Slip and the weak heading of mode INS are used once a second: their errors last that long."""
@@ -125,21 +127,21 @@ def _align(x: Array, R: Array, P: Array, qf: Array, ref: Array, p: Tuning, mode:
 
 
 @kernel
-def _velocity_rows(x: Array, p: Tuning, z: Array, H: Array, nu: Array, r: Array) -> int:
+def _velocity_rows(x: Array, p: Tuning, z: Array, H: Array) -> int:
     """Rows of the receiver's velocity; returns their number."""
     m = 0
     for i in range(3):
         if not math.isnan(z[i]):
             std = max(p.gps_std_m_s if i < 2 else p.gps_down_std_m_s, z[6])
             H[m, VEL + i] = 1.0
-            nu[m] = z[i] - x[VEL + i]
-            r[m] = std * std
+            H[m, NU] = z[i] - x[VEL + i]
+            H[m, NOISE] = std * std
             m += 1
     return m
 
 
 @kernel
-def _slip_row(x: Array, R: Array, p: Tuning, m: int, H: Array, nu: Array, r: Array) -> None:
+def _slip_row(x: Array, R: Array, p: Tuning, m: int, H: Array) -> None:
     """Row m: the aircraft meets the air nearly head-on, its lateral airspeed is small.
 
     This ties heading to the receiver's velocity without the vehicle's own heading.
@@ -151,23 +153,20 @@ def _slip_row(x: Array, R: Array, p: Tuning, m: int, H: Array, nu: Array, r: Arr
     H[m, PHI] = y1 * v2 - y2 * v1
     H[m, PHI + 1] = y2 * v0 - y0 * v2
     H[m, PHI + 2] = y0 * v1 - y1 * v0
-    nu[m] = -(y0 * v0 + y1 * v1 + y2 * v2)
-    r[m] = p.slip_std_rad**2 * (v0 * v0 + v1 * v1 + v2 * v2) + p.gust_std_m_s**2
+    H[m, NU] = -(y0 * v0 + y1 * v1 + y2 * v2)
+    H[m, NOISE] = p.slip_std_rad**2 * (v0 * v0 + v1 * v1 + v2 * v2) + p.gust_std_m_s**2
 
 
 @kernel
-def _about_down(psi: float) -> Array:
-    """Rotation of NED vectors by a heading."""
+def _attitude_rows(x: Array, R: Array, p: Tuning, mode: int, q: Array, psi: float, H: Array) -> int:
+    """Rows of the attitude error ``log(R_att R')``; mode INS takes its heading alone.
+
+    ``q`` is the attitude sample, turned about the vertical by ``psi``.
+    """
+    A, D = dcm_from_quaternion(q), np.zeros((3, 3))
     c, s = math.cos(psi), math.sin(psi)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-@kernel
-def _attitude_rows(
-    x: Array, R: Array, p: Tuning, mode: int, A: Array, H: Array, nu: Array, r: Array
-) -> int:
-    """Rows of the attitude error ``log(R_att R')``; mode INS takes its heading alone."""
-    D = np.zeros((3, 3))
+    for j in range(3):
+        A[0, j], A[1, j] = c * A[0, j] - s * A[1, j], s * A[0, j] + c * A[1, j]
     for i in range(3):
         for j in range(3):
             for k in range(3):
@@ -179,17 +178,19 @@ def _attitude_rows(
         j, k = (i + 1) % 3, (i + 2) % 3
         H[m, PHI + i] = 1.0
         H[m, E_REF + i] = 1.0
-        nu[m] = scale * (D[k, j] - D[j, k]) - x[E_REF + i]
+        H[m, NU] = scale * (D[k, j] - D[j, k]) - x[E_REF + i]
         std = p.tilt_std_rad if i < 2 else p.heading_std_rad
-        r[m] = std * std
+        H[m, NOISE] = std * std
         m += 1
     return m
 
 
 @kernel
-def _judge_fix(fix: Array, x: Array, alias: Array, t: float, z: Array, before: Array) -> None:
-    """Note a jolt between two fixes; ``before`` is the velocity N, E before the update."""
-    e_n, e_e = z[0] - before[0] - fix[0], z[1] - before[1] - fix[1]
+def _judge_fix(
+    fix: Array, x: Array, alias: Array, t: float, z: Array, v_n: float, v_e: float
+) -> None:
+    """Note a jolt between two fixes; ``v_n, v_e`` is the velocity before the update."""
+    e_n, e_e = z[0] - v_n - fix[0], z[1] - v_e - fix[1]
     shaken = 2.0 * NOISE_FRACTION**2 * (alias[0] + alias[1] + alias[2]) * min(t - fix[5], 1.0)
     if math.hypot(e_n - fix[2], e_e - fix[3]) > max(GPS_JOLT_M_S, 4.0 * math.sqrt(shaken)):
         fix[4] = t
@@ -202,39 +203,39 @@ def _judge_fix(fix: Array, x: Array, alias: Array, t: float, z: Array, before: A
 def _update(b: Bank, p: Tuning, c: int, t: float, kind: int, z: Array) -> None:
     """Bring one aligned filter to time t and let it use a measurement."""
     mode = c % 2
-    x, R = b.x[c], b.R[c]
-    close_interval(x, b.P[c], b.F[c], b.acc[c], p.ref_std[mode], p.ref_tau[mode], b.qf[c])
-    H, nu, r = np.zeros((4, N)), np.zeros(4), np.zeros(4)
-    before = x[VEL : VEL + 2].copy()
+    x, R, P, F, L, Y = b.x[c], b.R[c], b.P[c], b.F[c], b.L[c], b.Y[c]
+    windows = windows_in_use(b.start_s[c])
+    close_interval(x, P, F, 6 * windows, b.acc[c], p.ref_std[mode], p.ref_tau[mode], b.qf[c])
+    H = np.zeros((4, N + 2))
+    v_n, v_e = x[VEL], x[VEL + 1]
     m, velocities = 0, 0
     if kind == GPS:
-        m = velocities = _velocity_rows(x, p, z, H, nu, r)
+        m = velocities = _velocity_rows(x, p, z, H)
         if mode == INS and t - b.slip_s[c] >= SLIP_INTERVAL_S:
             b.slip_s[c] = t
-            _slip_row(x, R, p, m, H, nu, r)
+            _slip_row(x, R, p, m, H)
             m += 1
     elif kind == BARO:
         H[0, HGT] = H[0, E_BARO] = 1.0
-        nu[0] = z[0] - x[HGT] - x[E_BARO]
-        r[0] = p.baro_std_m**2
+        H[0, NU] = z[0] - x[HGT] - x[E_BARO]
+        H[0, NOISE] = p.baro_std_m**2
         m = 1
     elif mode == ATT or t - b.slip_s[c] < 0.5 * SLIP_INTERVAL_S:
-        A = product(_about_down(b.heading[c // 2, 0]), dcm_from_quaternion(z[:4].copy()))
-        m = _attitude_rows(x, R, p, mode, A, H, nu, r)
+        m = _attitude_rows(x, R, p, mode, z[:4], b.heading[c // 2, 0], H)
     dx = np.zeros(N)
     nis = 0.0
     for i in range(m):
-        left = nu[i]
+        nu = H[i, NU]
         for j in range(N):
-            left -= H[i, j] * dx[j]
-        share = scalar_update(dx, b.P[c], b.F[c], b.L[c], b.Y[c], H[i], left, r[i])
+            nu -= H[i, j] * dx[j]
+        share = scalar_update(dx, P, F, L, Y, windows, H[i], nu, H[i, NOISE])
         if i < velocities:
             nis += share / velocities
     for j in range(N):
         x[j] += dx[j]
     inject(x, R)
     if kind == GPS:
-        _judge_fix(b.fix[c], x, b.alias[c // 2], t, z, before)
+        _judge_fix(b.fix[c], x, b.alias[c // 2], t, z, v_n, v_e)
         if t - b.aligned_s[c] > NIS_AFTER_S:
             # The first value weighs as much as five fixes: soon the mean is of this flight.
             seen_s = t - b.aligned_s[c] - NIS_AFTER_S + NIS_PRIOR_S

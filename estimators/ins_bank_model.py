@@ -24,9 +24,11 @@ T          time since the last measurement                             scalar   
 S          integral of the specific force, NED                         (3,)          m/s
 G          integral of R                                               (3, 3)        s
 B          integral of [a]x G                                          (3, 3)        m
-F          error per unit step of each fault at the window's start     (17, 6)       SI
+F          error per unit step of each fault at the window's start,    (17, 66)      SI
+           six columns per window, side by side
 L, y       information on the step, and its right-hand side            (6, 6), (6,)  SI
-g          innovation per unit step, ``H F``                           (6,)          SI
+q          gain times the innovation's deviation, ``P H' / sqrt(s)``   (17,)         SI
+g          innovation per unit step, in deviations, ``H F / sqrt(s)``  (6,)          1/SI
 =========  ==========================================================  ============  ============
 
 Between measurements (lu2016 eq. (1)-(9) on the flat part, the turning earth added to the mean):
@@ -53,23 +55,29 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.attitude import SMALL_ANGLE_RAD, dcm_from_rotation_vector
 from estimators.jit import inlined, kernel
 
 __all__ = [
     "ATT",
+    "COLUMNS",
     "INS",
+    "MAX_WINDOWS",
     "N",
+    "Six",
     "apply_transition",
     "carry",
     "close_interval",
     "inject",
     "integrate",
-    "product",
     "scalar_update",
 ]
 
 Array = NDArray[np.float64]
+
+Three = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]
+"""Vectors and (3, 3) matrices, row by row, that live in registers: an array costs an allocation."""
 
 N = 17
 VEL, HGT, PHI = 0, 3, 4
@@ -80,25 +88,72 @@ E_REF, E_BARO = 13, 16
 WIND, E_HEAD = 13, 15
 """What E_REF holds in mode INS: wind N and E, then the error of the heading reference."""
 
+MAX_WINDOWS = 11
+COLUMNS = 6 * MAX_WINDOWS
+"""Windows of a filter at most, and columns of F: a distance between its rows that the compiler
+knows, without which it does not use vector instructions."""
+
 INS, ATT = 0, 1
 """Modes: without and with the vehicle's own roll and pitch."""
 
 EARTH_RATE_RAD_S = 7.292115e-5
 EARTH_RADIUS_M = 6371000.0
+PER_RADIUS = 1.0 / EARTH_RADIUS_M
 
 ACC_T, ACC_S, ACC_G, ACC_B, ACC_QV, ACC_QPHI = 0, 1, 4, 13, 22, 25
 N_ACC = 28
 """Where T, S, G, B and the gathered velocity and attitude noise stand in the accumulator."""
 
+SERIES = 0.01
+COS_2, COS_4, COS_6, COS_8 = -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0
+SINC_2, SINC_4, SINC_6, SINC_8 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
+"""Taylor series of the cosine and of sin(x) / x in x^2; below this x^2 exact to rounding."""
 
-@kernel
-def product(A: Array, B: Array) -> Array:
-    """Product of two (3, 3) matrices."""
-    C = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            C[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
-    return C
+
+@inlined
+def rotation(r0: float, r1: float, r2: float) -> Nine:
+    """Matrix of a rotation vector [rad]; see ``attitude.dcm_from_rotation_vector``."""
+    s = 0.25 * (r0 * r0 + r1 * r1 + r2 * r2)
+    if s < SERIES:
+        q0 = 1.0 + s * (COS_2 + s * (COS_4 + s * (COS_6 + s * COS_8)))
+        k = 0.5 * (1.0 + s * (SINC_2 + s * (SINC_4 + s * (SINC_6 + s * SINC_8))))
+    else:
+        half = math.sqrt(s)
+        q0, k = math.cos(half), 0.5 * math.sin(half) / half
+    q1, q2, q3 = k * r0, k * r1, k * r2
+    return (
+        q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3,
+        2.0 * (q1 * q2 - q0 * q3),
+        2.0 * (q1 * q3 + q0 * q2),
+        2.0 * (q1 * q2 + q0 * q3),
+        q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3,
+        2.0 * (q2 * q3 - q0 * q1),
+        2.0 * (q1 * q3 - q0 * q2),
+        2.0 * (q2 * q3 + q0 * q1),
+        q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3,
+    )
+
+
+@inlined
+def turned(a0: float, a1: float, a2: float, T: Nine) -> Three:
+    """Row vector a times a matrix."""
+    return (
+        a0 * T[0] + a1 * T[3] + a2 * T[6],
+        a0 * T[1] + a1 * T[4] + a2 * T[7],
+        a0 * T[2] + a1 * T[5] + a2 * T[8],
+    )
+
+
+@inlined
+def gather(acc: Array, i: int, mid: Three, var: Six, dt: float) -> None:
+    """Row i of G and of the gathered noise (in place); ``mid`` is that row of the middle R."""
+    m0, m1, m2 = mid
+    acc[ACC_G + 3 * i] += dt * m0
+    acc[ACC_G + 3 * i + 1] += dt * m1
+    acc[ACC_G + 3 * i + 2] += dt * m2
+    s0, s1, s2 = dt * m0 * m0, dt * m1 * m1, dt * m2 * m2
+    acc[ACC_QV + i] += s0 * var[0] + s1 * var[1] + s2 * var[2]
+    acc[ACC_QPHI + i] += s0 * var[3] + s1 * var[4] + s2 * var[5]
 
 
 @kernel
@@ -123,7 +178,9 @@ def integrate(
         Latitude and local gravity.
     dt : float [s]
     """
-    carry(x, R, acc, u, u_var, math.cos(lat), math.sin(lat), math.tan(lat), g, dt)
+    mean = u[0], u[1], u[2], u[3], u[4], u[5]
+    var = u_var[0], u_var[1], u_var[2], u_var[3], u_var[4], u_var[5]
+    carry(x, R, acc, mean, var, math.cos(lat), math.sin(lat), math.tan(lat), g, dt)
 
 
 @inlined
@@ -131,8 +188,8 @@ def carry(
     x: Array,
     R: Array,
     acc: Array,
-    u: Array,
-    u_var: Array,
+    u: Six,
+    u_var: Six,
     cos_lat: float,
     sin_lat: float,
     tan_lat: float,
@@ -141,110 +198,120 @@ def carry(
 ) -> None:
     """:func:`integrate` with the latitude's functions known: both filters of an IMU share them.
 
-    It runs at every sample of every filter, hence without small arrays or calls.
+    It runs at every sample of every filter, hence without arrays of its own.
     """
     w_n = EARTH_RATE_RAD_S * cos_lat
     w_d = -EARTH_RATE_RAD_S * sin_lat
-    r_n = x[1] / EARTH_RADIUS_M
-    r_e = -x[0] / EARTH_RADIUS_M
-    r_d = -x[1] * tan_lat / EARTH_RADIUS_M
-    e_n, e_d = w_n + r_n, w_d + r_d
-    earth = R[0, 0] * e_n + R[1, 0] * r_e + R[2, 0] * e_d
-    h0 = 0.5 * dt * (u[3] - x[F_GYRO] - earth)
-    earth = R[0, 1] * e_n + R[1, 1] * r_e + R[2, 1] * e_d
-    h1 = 0.5 * dt * (u[4] - x[F_GYRO + 1] - earth)
-    earth = R[0, 2] * e_n + R[1, 2] * r_e + R[2, 2] * e_d
-    h2 = 0.5 * dt * (u[5] - x[F_GYRO + 2] - earth)
-    # The rotation by half the step, as attitude.dcm_from_rotation_vector has it.
-    angle2 = h0 * h0 + h1 * h1 + h2 * h2
-    half = 0.5 * math.sqrt(angle2)
-    if half < SMALL_ANGLE_RAD:
-        sinc = 0.5 * (1.0 - angle2 / 24.0 + angle2 * angle2 / 1920.0)
-    else:
-        sinc = 0.5 * math.sin(half) / half
-    q0, q1, q2, q3 = math.cos(half), sinc * h0, sinc * h1, sinc * h2
-    t00 = q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3
-    t11 = q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3
-    t22 = q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3
-    t01, t10 = 2.0 * (q1 * q2 - q0 * q3), 2.0 * (q1 * q2 + q0 * q3)
-    t02, t20 = 2.0 * (q1 * q3 + q0 * q2), 2.0 * (q1 * q3 - q0 * q2)
-    t12, t21 = 2.0 * (q2 * q3 - q0 * q1), 2.0 * (q2 * q3 + q0 * q1)
-    mid = np.empty((3, 3))
-    for i in range(3):
-        m0 = R[i, 0] * t00 + R[i, 1] * t10 + R[i, 2] * t20
-        m1 = R[i, 0] * t01 + R[i, 1] * t11 + R[i, 2] * t21
-        m2 = R[i, 0] * t02 + R[i, 1] * t12 + R[i, 2] * t22
-        mid[i, 0], mid[i, 1], mid[i, 2] = m0, m1, m2
-        R[i, 0] = m0 * t00 + m1 * t10 + m2 * t20
-        R[i, 1] = m0 * t01 + m1 * t11 + m2 * t21
-        R[i, 2] = m0 * t02 + m1 * t12 + m2 * t22
+    v_n, v_e, v_d = x[0], x[1], x[2]
+    r_n, r_e, r_d = PER_RADIUS * v_e, -PER_RADIUS * v_n, -PER_RADIUS * v_e * tan_lat
+    n0, n1, n2 = R[0, 0], R[0, 1], R[0, 2]
+    e0, e1, e2 = R[1, 0], R[1, 1], R[1, 2]
+    d0, d1, d2 = R[2, 0], R[2, 1], R[2, 2]
+    i_n, i_d = w_n + r_n, w_d + r_d
+    half = 0.5 * dt
+    T = rotation(
+        half * (u[3] - x[F_GYRO] - (n0 * i_n + e0 * r_e + d0 * i_d)),
+        half * (u[4] - x[F_GYRO + 1] - (n1 * i_n + e1 * r_e + d1 * i_d)),
+        half * (u[5] - x[F_GYRO + 2] - (n2 * i_n + e2 * r_e + d2 * i_d)),
+    )
+    n, e, d = turned(n0, n1, n2, T), turned(e0, e1, e2, T), turned(d0, d1, d2, T)
+    R[0, 0], R[0, 1], R[0, 2] = turned(n[0], n[1], n[2], T)
+    R[1, 0], R[1, 1], R[1, 2] = turned(e[0], e[1], e[2], T)
+    R[2, 0], R[2, 1], R[2, 2] = turned(d[0], d[1], d[2], T)
+
     f0, f1, f2 = u[0] - x[F_ACC], u[1] - x[F_ACC + 1], u[2] - x[F_ACC + 2]
-    a0 = mid[0, 0] * f0 + mid[0, 1] * f1 + mid[0, 2] * f2
-    a1 = mid[1, 0] * f0 + mid[1, 1] * f1 + mid[1, 2] * f2
-    a2 = mid[2, 0] * f0 + mid[2, 1] * f1 + mid[2, 2] * f2
+    a_n = n[0] * f0 + n[1] * f1 + n[2] * f2
+    a_e = e[0] * f0 + e[1] * f1 + e[2] * f2
+    a_d = d[0] * f0 + d[1] * f1 + d[2] * f2
     c_n, c_e, c_d = 2.0 * w_n + r_n, r_e, 2.0 * w_d + r_d
-    v_d = x[2]
-    dv_n = a0 - (c_e * x[2] - c_d * x[1])
-    dv_e = a1 - (c_d * x[0] - c_n * x[2])
-    dv_d = a2 - (c_n * x[1] - c_e * x[0]) + g
-    x[0] += dt * dv_n
-    x[1] += dt * dv_e
-    x[2] += dt * dv_d
-    x[HGT] -= 0.5 * dt * (v_d + x[2])
+    now_d = v_d + dt * (a_d - (c_n * v_e - c_e * v_n) + g)
+    x[0] = v_n + dt * (a_n - (c_e * v_d - c_d * v_e))
+    x[1] = v_e + dt * (a_e - (c_d * v_n - c_n * v_d))
+    x[2] = now_d
+    x[HGT] -= half * (v_d + now_d)
 
     acc[ACC_T] += dt
+    acc[ACC_S] += dt * a_n
+    acc[ACC_S + 1] += dt * a_e
+    acc[ACC_S + 2] += dt * a_d
     for j in range(3):
         # [a]x times the middle value of G, column by column.
-        g0 = acc[ACC_G + j] + 0.5 * dt * mid[0, j]
-        g1 = acc[ACC_G + 3 + j] + 0.5 * dt * mid[1, j]
-        g2 = acc[ACC_G + 6 + j] + 0.5 * dt * mid[2, j]
-        acc[ACC_B + j] += dt * (a1 * g2 - a2 * g1)
-        acc[ACC_B + 3 + j] += dt * (a2 * g0 - a0 * g2)
-        acc[ACC_B + 6 + j] += dt * (a0 * g1 - a1 * g0)
-    acc[ACC_S] += dt * a0
-    acc[ACC_S + 1] += dt * a1
-    acc[ACC_S + 2] += dt * a2
-    for i in range(3):
-        for j in range(3):
-            acc[ACC_G + 3 * i + j] += dt * mid[i, j]
-            acc[ACC_QV + i] += dt * mid[i, j] * mid[i, j] * u_var[j]
-            acc[ACC_QPHI + i] += dt * mid[i, j] * mid[i, j] * u_var[3 + j]
+        g_n = acc[ACC_G + j] + half * n[j]
+        g_e = acc[ACC_G + 3 + j] + half * e[j]
+        g_d = acc[ACC_G + 6 + j] + half * d[j]
+        acc[ACC_B + j] += dt * (a_e * g_d - a_d * g_e)
+        acc[ACC_B + 3 + j] += dt * (a_d * g_n - a_n * g_d)
+        acc[ACC_B + 6 + j] += dt * (a_n * g_e - a_e * g_n)
+    gather(acc, 0, n, u_var, dt)
+    gather(acc, 1, e, u_var, dt)
+    gather(acc, 2, d, u_var, dt)
 
 
-@kernel
-def apply_transition(M: Array, acc: Array, decay: Array) -> None:
+@inlined
+def apply_transition(M: Array, down: int, along: int, count: int, acc: Array, decay: Array) -> None:
     """``M <- Phi M`` for the transition that the accumulator describes (in place).
 
     Parameters
     ----------
-    M : (17, m) float64
-        Columns of errors.
+    M : (n,) float64
+        Columns of 17 errors, in one flat array.
+    down, along : int
+        Distance of two errors of a column, and of two columns: constants of the caller, so that
+        vector instructions can be used.
+    count : int
+        Number of columns.
     acc : (28,) float64
         Integrals since the last measurement.
     decay : (4,) float64 [1]
         Factors of E_REF (3) and E_BARO over the time T.
     """
     T, s0, s1, s2 = acc[ACC_T], acc[ACC_S], acc[ACC_S + 1], acc[ACC_S + 2]
-    for k in range(M.shape[1]):
-        p0, p1, p2 = M[PHI, k], M[PHI + 1, k], M[PHI + 2, k]
-        v_d = M[2, k]
-        M[0, k] -= s1 * p2 - s2 * p1
-        M[1, k] -= s2 * p0 - s0 * p2
-        M[2, k] -= s0 * p1 - s1 * p0
-        for j in range(3):
-            f_a, f_w = M[F_ACC + j, k], M[F_GYRO + j, k]
-            for i in range(3):
-                G = acc[ACC_G + 3 * i + j]
-                M[i, k] += acc[ACC_B + 3 * i + j] * f_w - G * f_a
-                M[PHI + i, k] -= G * f_w
-        M[HGT, k] -= 0.5 * T * (v_d + M[2, k])
-        for i in range(4):
-            M[E_REF + i, k] *= decay[i]
+    G, B = ACC_G, ACC_B
+    g00, g01, g02 = acc[G], acc[G + 1], acc[G + 2]
+    g10, g11, g12 = acc[G + 3], acc[G + 4], acc[G + 5]
+    g20, g21, g22 = acc[G + 6], acc[G + 7], acc[G + 8]
+    b00, b01, b02 = acc[B], acc[B + 1], acc[B + 2]
+    b10, b11, b12 = acc[B + 3], acc[B + 4], acc[B + 5]
+    b20, b21, b22 = acc[B + 6], acc[B + 7], acc[B + 8]
+    k0, k1, k2, k3 = decay[0], decay[1], decay[2], decay[3]
+    v, phi, ref = down * VEL, down * PHI, down * E_REF
+    acc_at, gyro_at = down * F_ACC, down * F_GYRO
+    for column in range(count):
+        at = along * column
+        v_d = M[at + v + 2 * down]
+        p0, p1, p2 = M[at + phi], M[at + phi + down], M[at + phi + 2 * down]
+        a0, a1, a2 = M[at + acc_at], M[at + acc_at + down], M[at + acc_at + 2 * down]
+        w0, w1, w2 = M[at + gyro_at], M[at + gyro_at + down], M[at + gyro_at + 2 * down]
+        now_d = (
+            v_d
+            - (s0 * p1 - s1 * p0)
+            + (b20 * w0 + b21 * w1 + b22 * w2)
+            - (g20 * a0 + g21 * a1 + g22 * a2)
+        )
+        M[at + v] += (
+            (b00 * w0 + b01 * w1 + b02 * w2)
+            - (g00 * a0 + g01 * a1 + g02 * a2)
+            - (s1 * p2 - s2 * p1)
+        )
+        M[at + v + down] += (
+            (b10 * w0 + b11 * w1 + b12 * w2)
+            - (g10 * a0 + g11 * a1 + g12 * a2)
+            - (s2 * p0 - s0 * p2)
+        )
+        M[at + v + 2 * down] = now_d
+        M[at + down * HGT] -= 0.5 * T * (v_d + now_d)
+        M[at + phi] = p0 - (g00 * w0 + g01 * w1 + g02 * w2)
+        M[at + phi + down] = p1 - (g10 * w0 + g11 * w1 + g12 * w2)
+        M[at + phi + 2 * down] = p2 - (g20 * w0 + g21 * w1 + g22 * w2)
+        M[at + ref] *= k0
+        M[at + ref + down] *= k1
+        M[at + ref + 2 * down] *= k2
+        M[at + ref + 3 * down] *= k3
 
 
 @kernel
 def close_interval(
-    x: Array, P: Array, F: Array, acc: Array, ref_std: Array, ref_tau: Array, qf: Array
+    x: Array, P: Array, F: Array, n: int, acc: Array, ref_std: Array, ref_tau: Array, qf: Array
 ) -> None:
     """Bring covariance and signatures to the mean's time, and empty the accumulator (in place).
 
@@ -254,8 +321,10 @@ def close_interval(
         Mean; only its reference errors decay here.
     P : (17, 17) float64
         Covariance at the last measurement.
-    F : (W, 17, 6) float64
+    F : (17, 66) float64
         Signatures of the windows.
+    n : int
+        How many of its columns are in use.
     acc : (28,) float64
         Integrals since the last measurement.
     ref_std, ref_tau : (4,) float64 [rad or m/s or m; s]
@@ -270,13 +339,13 @@ def close_interval(
     for i in range(4):
         decay[i] = math.exp(-T / ref_tau[i])
         x[E_REF + i] *= decay[i]
-    apply_transition(P, acc, decay)
-    for i in range(N):
-        for j in range(i):
-            P[i, j], P[j, i] = P[j, i], P[i, j]
-    apply_transition(P, acc, decay)
-    for w in range(F.shape[0]):
-        apply_transition(F[w], acc, decay)
+    apply_transition(F.reshape(N * COLUMNS), COLUMNS, 1, n, acc, decay)
+    # Phi P, then of Phi P Phi' what Phi changes: the faults stay, so the rest is the transpose.
+    apply_transition(P.reshape(N * N), N, 1, N, acc, decay)
+    apply_transition(P.reshape(N * N), 1, N, F_ACC, acc, decay)
+    for i in range(F_ACC, N):
+        for j in range(4):
+            P[i, E_REF + j] *= decay[j]
     for i in range(3):
         P[VEL + i, VEL + i] += acc[ACC_QV + i]
         P[PHI + i, PHI + i] += acc[ACC_QPHI + i]
@@ -285,17 +354,24 @@ def close_interval(
         P[F_ACC + i, F_ACC + i] += qf[i] * T
     for i in range(4):
         P[E_REF + i, E_REF + i] += ref_std[i] ** 2 * (1.0 - decay[i] ** 2)
-    for i in range(N):
+    for i in range(1, N):
         for j in range(i):
-            P[i, j] = 0.5 * (P[i, j] + P[j, i])
-            P[j, i] = P[i, j]
+            P[i, j] = P[j, i]
     for i in range(N_ACC):
         acc[i] = 0.0
 
 
 @kernel
 def scalar_update(
-    x: Array, P: Array, F: Array, L: Array, Y: Array, h: Array, nu: float, r: float
+    x: Array,
+    P: Array,
+    F: Array,
+    L: Array,
+    Y: Array,
+    windows: int,
+    h: Array,
+    nu: float,
+    r: float,
 ) -> float:
     """Use one scalar measurement, and what it says of a step in every window (in place).
 
@@ -304,8 +380,10 @@ def scalar_update(
     x : (17,) float64
         Mean; the caller rotates R by ``x[PHI]`` afterwards, see :func:`inject`.
     P : (17, 17) float64
-    F : (W, 17, 6), L : (W, 6, 6), Y : (W, 6) float64
+    F : (17, 66), L : (W, 6, 6), Y : (W, 6) float64
         Signatures, information and right-hand sides of the windows.
+    windows : int
+        How many of the windows are in use.
     h : (17,) float64
         Row of H.
     nu, r : float
@@ -316,40 +394,46 @@ def scalar_update(
     float
         Normalised innovation squared, ``nu^2 / s``.
     """
-    Ph = np.zeros(N)
-    for j in range(N):
-        if h[j] != 0.0:
-            for i in range(N):
-                Ph[i] += P[i, j] * h[j]
+    columns = 6 * windows
+    q, g = np.zeros(N), np.zeros(COLUMNS)
     s = r
     for j in range(N):
-        s += h[j] * Ph[j]
-    g = np.empty(6)
-    for w in range(F.shape[0]):
-        for k in range(6):
-            g[k] = 0.0
-        for j in range(N):
-            if h[j] != 0.0:
-                for k in range(6):
-                    g[k] += h[j] * F[w, j, k]
-        for k in range(6):
-            Y[w, k] += g[k] * nu / s
-            for m in range(6):
-                L[w, k, m] += g[k] * g[m] / s
-        for i in range(N):
-            gain = Ph[i] / s
-            for k in range(6):
-                F[w, i, k] -= gain * g[k]
+        if h[j] != 0.0:
+            for k in range(N):
+                q[k] += h[j] * P[j, k]
+            for k in range(columns):
+                g[k] += h[j] * F[j, k]
+    for j in range(N):
+        s += h[j] * q[j]
+    scale = 1.0 / math.sqrt(s)
+    for k in range(N):
+        q[k] *= scale
+    for k in range(columns):
+        g[k] *= scale
+    nu *= scale
     for i in range(N):
-        x[i] += Ph[i] / s * nu
-        for j in range(i + 1):
-            P[i, j] -= Ph[i] * Ph[j] / s
-            P[j, i] = P[i, j]
-    return nu * nu / s
+        gain = q[i]
+        x[i] += gain * nu
+        for k in range(N):
+            P[i, k] -= gain * q[k]
+        for k in range(columns):
+            F[i, k] -= gain * g[k]
+    for w in range(windows):
+        for k in range(6):
+            per_step = g[6 * w + k]
+            Y[w, k] += per_step * nu
+            for m in range(6):
+                L[w, k, m] += per_step * g[6 * w + m]
+    return nu * nu
 
 
 @kernel
 def inject(x: Array, R: Array) -> None:
     """Move the attitude correction from the mean into the rotation matrix (in place)."""
-    R[:] = product(dcm_from_rotation_vector(x[PHI : PHI + 3].copy()), R)
+    T = rotation(x[PHI], x[PHI + 1], x[PHI + 2])
+    for j in range(3):
+        n, e, d = R[0, j], R[1, j], R[2, j]
+        R[0, j] = T[0] * n + T[1] * e + T[2] * d
+        R[1, j] = T[3] * n + T[4] * e + T[5] * d
+        R[2, j] = T[6] * n + T[7] * e + T[8] * d
     x[PHI : PHI + 3] = 0.0

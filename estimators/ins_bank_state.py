@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.imu_difference import EDGES, PAIR_ROWS
-from estimators.ins_bank_model import N_ACC, N
+from estimators.ins_bank_model import COLUMNS, MAX_WINDOWS, N_ACC, N
 from estimators.ins_bank_turns import TURNS
 
 __all__ = ["EVENT_WIDTH", "MAX_IMUS", "PENDING", "Bank", "Tuning", "make_bank"]
@@ -77,7 +77,7 @@ class Bank(NamedTuple):
     P: Array  # (C, 17, 17)
     acc: Array  # (C, 28)
     qf: Array  # (C, 6) density of the fault walk, squared; raised on an axis found faulty
-    F: Array  # (C, W, 17, 6)
+    F: Array  # (C, 17, 66) of each window six columns, see columns_of
     L: Array  # (C, W, 6, 6)
     Y: Array  # (C, W, 6)
     start_s: Array  # (C, W) start of each window
@@ -103,7 +103,12 @@ class Bank(NamedTuple):
     turns: Array  # (I, TURNS, 11) attitude increments against the gyro, see ins_bank_turns
     noise: Array  # (I, 8, 6) noise and stuck tests, see imu_difference
     peaks: Array  # (5,) largest healthy values of what is compared, see ins_bank_interest
-    clock: Array  # (14,) see C_* below
+    clock: Array  # (17,) see C_* below
+
+    @property
+    def last_window(self) -> int:
+        """The window that is started on demand."""
+        return int(self.start_s.shape[1]) - 1
 
 
 R_T_GPS, R_VN, R_VE, R_VD, R_LAT, R_ALT, R_LON, R_T_BARO, R_HGT, R_T_ATT, R_Q = range(11)
@@ -111,25 +116,32 @@ R_T_GPS, R_VN, R_VE, R_VD, R_LAT, R_ALT, R_LON, R_T_BARO, R_HGT, R_T_ATT, R_Q = 
 
 C_FLYING, C_TICK, C_NOW, C_GRAVITY, C_POS_N, C_POS_E, C_POS_T, C_GPS_BAD_S = range(8)
 C_CHANGED, C_SPIN_S, C_STOPPED, C_FIX_S, C_POS_M, C_JUDGED = range(8, 14)
+C_COS_LAT, C_SIN_LAT, C_TAN_LAT = range(14, 17)
 """Columns of ``Bank.clock``: flying flag, last closed tick, time of the last event, local gravity;
 receiver position minus integrated receiver velocity over the last interval and its start;
 time until which the receiver contradicts itself; whether something changed that the caller must
 know; when the aircraft last turned too fast; whether :func:`run` stopped at a tick;
 usual interval of fixes; distance flown over that interval; whether every IMU is judged and none is
-called faulty (the caller says so)."""
+called faulty (the caller says so); functions of the latitude."""
 
 
 def make_bank(n_imus: int, tuning: Tuning) -> Bank:
     """Bank for IMUs 0..n_imus-1, before the first event."""
     n, w = 2 * n_imus, 2 * len(tuning.window_s) + 1
+    if w > MAX_WINDOWS:
+        raise ValueError(f"{len(tuning.window_s)} lengths of windows: at most {MAX_WINDOWS // 2}")
     nan = np.nan
+    clock = np.zeros(17)
+    clock[[C_NOW, C_POS_T]] = nan
+    clock[[C_GPS_BAD_S, C_SPIN_S]] = -1e9
+    clock[C_TICK], clock[C_GRAVITY], clock[C_FIX_S], clock[C_COS_LAT] = -1.0, 9.80665, 0.2, 1.0
     return Bank(
         x=np.zeros((n, N)),
         R=np.tile(np.eye(3), (n, 1, 1)),
         P=np.zeros((n, N, N)),
         acc=np.zeros((n, N_ACC)),
         qf=np.tile(tuning.fault_density**2, (n, 1)),
-        F=np.zeros((n, w, N, 6)),
+        F=np.zeros((n, N, COLUMNS)),
         L=np.zeros((n, w, 6, 6)),
         Y=np.zeros((n, w, 6)),
         start_s=np.full((n, w), nan),
@@ -155,7 +167,5 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         turns=np.full((n_imus, TURNS, 11), nan),
         noise=np.zeros((n_imus, 8, 6)),
         peaks=np.zeros(5),
-        clock=np.array(
-            [0.0, -1.0, nan, 9.80665, 0.0, 0.0, nan, -1e9, 0.0, -1e9, 0.0, 0.2, 0.0, 0.0]
-        ),
+        clock=clock,
     )

@@ -22,18 +22,20 @@ from numpy.typing import NDArray
 
 from estimators.ins_bank_model import F_ACC, N, inject, scalar_update
 from estimators.ins_bank_state import C_NOW, Bank, Tuning
-from estimators.jit import kernel
+from estimators.jit import inlined, kernel
 
 __all__ = [
     "NIS_LEAST",
     "SWING_Z2",
     "accept",
+    "columns_of",
     "drive",
     "mark",
     "observe_fault",
     "restart_windows",
     "roll",
     "roll_windows",
+    "windows_in_use",
 ]
 
 Array = NDArray[np.float64]
@@ -50,14 +52,27 @@ the mean that no healthy gyro reaches: eight seconds hold five windows that do n
 chi-square of five degrees of freedom passes 45 once in 70 million."""
 
 
+def columns_of(w: int) -> slice:
+    """Columns of F that belong to a window."""
+    return slice(6 * w, 6 * w + 6)
+
+
+@inlined
+def windows_in_use(start_s: Array) -> int:
+    """Number of windows, the last one only if it was started."""
+    return int(start_s.shape[0] - (1 if math.isnan(start_s[-1]) else 0))
+
+
 @kernel
-def _empty(F: Array, L: Array, Y: Array) -> None:
+def _empty(F: Array, L: Array, Y: Array, w: int) -> None:
     """Begin a window: unit steps, and nothing known of them."""
-    F[:] = 0.0
-    L[:] = 0.0
-    Y[:] = 0.0
     for k in range(6):
-        F[F_ACC + k, k] = 1.0
+        for i in range(N):
+            F[i, 6 * w + k] = 0.0
+        F[F_ACC + k, 6 * w + k] = 1.0
+        Y[w, k] = 0.0
+        for m in range(6):
+            L[w, k, m] = 0.0
 
 
 @kernel
@@ -68,14 +83,14 @@ def restart_windows(
 
     Parameters
     ----------
-    F : (W, 17, 6), L : (W, 6, 6), Y : (W, 6), start_s : (W,), start_nis : (W,) float64
+    F : (17, 66), L : (W, 6, 6), Y : (W, 6), start_s : (W,), start_nis : (W,) float64
         Windows of the filter.
     nis : float
         Its running mean of the normalised innovation squared.
     t : float [s]
     """
     for w in range(start_s.shape[0] - 1):
-        _empty(F[w], L[w], Y[w])
+        _empty(F, L, Y, w)
         start_s[w] = t
         start_nis[w] = max(NIS_LEAST, nis)
     start_s[-1] = math.nan
@@ -115,7 +130,7 @@ def roll_windows(
         if math.floor(now / length + phase) > math.floor(start_s[w] / length + phase):
             if w < 2 and now - start_s[w] > 0.9 * length:
                 _note_swing(L[w], Y[w], swing, nis, 0.5 * length / SWING_S)
-            _empty(F[w], L[w], Y[w])
+            _empty(F, L, Y, w)
             start_s[w] = now
             start_nis[w] = max(NIS_LEAST, nis)
 
@@ -142,7 +157,8 @@ def mark(b: Bank, t: float) -> None:
     Its columns are not unit steps but the course that :func:`drive` gives each fault.
     """
     for c in np.flatnonzero(~np.isnan(b.aligned_s)):
-        b.F[c, -1], b.L[c, -1], b.Y[c, -1] = 0.0, 0.0, 0.0
+        b.F[c, :, columns_of(b.last_window)] = 0.0
+        b.L[c, -1], b.Y[c, -1] = 0.0, 0.0
         b.start_s[c, -1] = t
         b.start_nis[c, -1] = max(NIS_LEAST, b.nis[c])
 
@@ -158,7 +174,7 @@ def drive(b: Bank, imu: int, change: Array) -> None:
     """
     k = np.arange(6)
     for c in (2 * imu, 2 * imu + 1):
-        b.F[c, -1, F_ACC + k, k] += change
+        b.F[c, F_ACC + k, 6 * b.last_window + k] += change
 
 
 def accept(
@@ -190,7 +206,7 @@ def accept(
     covariance = np.linalg.inv(information)
     f = np.zeros(6)
     f[on] = covariance @ (b.Y[c, w, on] + prior[on] * prior_std[on] ** -2.0)
-    F = b.F[c, w][:, on]
+    F = b.F[c][:, columns_of(w)][:, on]
     b.x[c] += F @ f[on]
     b.P[c] += F @ covariance @ F.T
     inject(b.x[c], b.R[c])
@@ -204,5 +220,6 @@ def observe_fault(b: Bank, c: int, axis: int, fault: float, std: float) -> None:
     h = np.zeros(N)
     h[F_ACC + axis] = 1.0
     nu = fault - b.x[c, F_ACC + axis]
-    scalar_update(b.x[c], b.P[c], b.F[c], b.L[c], b.Y[c], h, nu, std * std)
+    in_use = windows_in_use(b.start_s[c])
+    scalar_update(b.x[c], b.P[c], b.F[c], b.L[c], b.Y[c], in_use, h, nu, std * std)
     inject(b.x[c], b.R[c])

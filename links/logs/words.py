@@ -62,19 +62,17 @@ class FrameWords:
 
         While the decoder holds frames back they wait with them.
         """
-        decoder = self._decoder
+        decoder, words = self._decoder, [_NOTHING]
         if (told := self._find(decoder.frames)) is not None:
             self._waiting.append(told)
-        frames, t_us, usable = decoder.timed
-        known = np.flatnonzero(usable)
-        if not len(known) and self._newest_us is None:
-            self._waiting = self._waiting[-decoder.options.hold_back :]
-            return _NOTHING
-        waiting, self._waiting = self._waiting, []
-        words = [self._date(*part, frames.position[known], t_us[known]) for part in waiting]
-        if len(known):
-            self._newest_us = int(t_us[known[-1]])
-        return np.concatenate([_NOTHING, *words])
+        if self._waiting:  # else nobody asks when the vehicle's frames were
+            frames, t_us, usable = decoder.timed
+            if self._newest_us is not None or usable.any():
+                times = frames.position[usable], t_us[usable]
+                words += [self._date(*part, *times) for part in self._waiting]
+                self._waiting = []
+        self._newest_us = decoder.clock.newest_us
+        return np.concatenate(words)
 
     def _find(self, frames: Frames) -> tuple[NDArray[np.int64], Rows] | None:
         """Positions and undated words of those who are not the autopilot."""
@@ -103,13 +101,10 @@ class FrameWords:
         told: NDArray[np.int64],
         t_us: NDArray[np.int64],
     ) -> Rows:
-        """The vehicle's words, each with the time ``t_us`` told last before it [us]."""
-        before = np.searchsorted(told, position) - 1
-        if len(told):
-            first_us = t_us[0] if self._newest_us is None else self._newest_us
-            words["t_us"] = np.where(before < 0, first_us, t_us[np.maximum(before, 0)])
-        else:
-            words["t_us"] = self._newest_us
+        """The vehicle's words, each with the newest time ``t_us`` told before it [us]."""
+        first_us = t_us[0] if self._newest_us is None else self._newest_us
+        newest_us = np.maximum.accumulate(np.concatenate([[first_us], t_us]))
+        words["t_us"] = newest_us[np.searchsorted(told, position)]
         vehicle = self._decoder.vehicle
         return words if vehicle is None else words[words["system"] == vehicle.system_id]
 

@@ -139,13 +139,11 @@ class Plan:
         found: dict[str, Counter[str]] = {}
         first = int(self.array[USED])
         counts = self.memory[first : first + len(self.entries) * MOST_INSTANCES]
-        for e, entry in enumerate(self.entries):
-            first = int(self.array[self.array[ENTRIES] + e * E_COLUMNS + E_SENSOR])
-            of_entry = counts[e * MOST_INSTANCES : (e + 1) * MOST_INSTANCES]
-            for k, n in enumerate(of_entry.tolist()):
-                if n:
-                    by_message = found.setdefault(self.sensors[first + k][0], Counter())
-                    by_message[entry.source.message] += n
+        for at in np.flatnonzero(counts).tolist():
+            e, instance = divmod(at, MOST_INSTANCES)
+            sensor = int(self.array[self.array[ENTRIES] + e * E_COLUMNS + E_SENSOR]) + instance
+            by_message = found.setdefault(self.sensors[sensor][0], Counter())
+            by_message[self.entries[e].source.message] += int(counts[at])
         return found
 
     def take_rejected(self) -> dict[tuple[str, Rejection], int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -158,13 +159,19 @@ def _judged(
 
 
 def _compile(settings: Settings) -> None:
-    """Kernels that no process has compiled yet are compiled once, not in every one."""
-    from estimators.jit import is_cold
+    """Kernels of this code that were never compiled are compiled once, not by every worker."""
+    from estimators.jit import cache_root, is_cold
+    from monitor.fleet.task import code_version
     from monitor.warmup import COMPILING, warm_up
 
+    mark = cache_root() / f"warm-{code_version()}"
+    if mark.exists():
+        return
     if is_cold():
         note(COMPILING)
-        warm_up(settings)
+    warm_up(settings)
+    with suppress(OSError):
+        mark.touch()
 
 
 def _teller(bar: Callable[[float], None], name: Callable[[str], None]) -> Callable[[Account], None]:

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import logging
 import queue
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 import dask
@@ -58,7 +60,6 @@ _ONE_THREAD = dict.fromkeys(
 """One numeric thread for each worker: there is one worker for each core."""
 
 _CONFIGURATION = {
-    "distributed.logging.distributed": "critical",
     # A worker that is not back after this is given up; it is then started by us.
     "distributed.deploy.lost-worker-timeout": "30s",
     "distributed.admin.large-graph-warning-threshold": "1 GiB",
@@ -242,22 +243,38 @@ def local_cluster(workers: int | None, tasks: int | None = None) -> Iterator[Clu
     memory = int(MEMORY_SHARE * MEMORY_LIMIT)
     workers = workers or min(dask.system.CPU_COUNT, memory // WORKER_BYTES)
     workers = max(min(workers, tasks or workers), 1)
-    with (
-        dask.config.set(_CONFIGURATION),
-        distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host=LOOPBACK,
-            dashboard_address=None,
-            # Even without a dashboard it serves its health, on a port that another may have.
-            scheduler_kwargs={"dashboard_address": f"{LOOPBACK}:0"},
-            memory_limit=memory // workers,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
+    with dask.config.set(_CONFIGURATION), ExitStack() as stack:
+        with _interrupts_held():
+            cluster = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    host=LOOPBACK,
+                    dashboard_address=None,
+                    # Even without a dashboard it serves its health, on a port another may have.
+                    scheduler_kwargs={"dashboard_address": f"{LOOPBACK}:0"},
+                    memory_limit=memory // workers,
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+            client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
         yield Cluster(client, workers, lambda: cluster.scale(workers))
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Ctrl-C waits until the end, and is for this process alone.
+
+    The threads that are started meanwhile, and the workers that these start at any time, inherit
+    that it is held: a worker is ended by us, and says nothing.
+    """
+    resource_tracker.ensure_running()  # else the first start of a process would let it go
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -269,16 +286,16 @@ def standing_cluster(scheduler: str) -> Iterator[Cluster]:
     EngineError
         It does not answer, or has no worker.
     """
-    with dask.config.set({"distributed.logging.distributed": "critical"}):
-        try:
-            _check_address(scheduler)
-            client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as error:
-            raise EngineError(f"no scheduler answers at {scheduler}: {_short(error)}") from None
-        with client:
-            if not client.nthreads():
-                raise EngineError(f"the scheduler at {scheduler} has no worker")
-            yield Cluster(client)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    try:
+        _check_address(scheduler)
+        client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise EngineError(f"no scheduler answers at {scheduler}: {_short(error)}") from None
+    with client:
+        if not client.nthreads():
+            raise EngineError(f"the scheduler at {scheduler} has no worker")
+        yield Cluster(client)
 
 
 def _check_address(scheduler: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, PositiveFloat
 
+from estimators.ins_bank_model import MAX_WINDOWS
 from monitor.settings.base import Section
 
 __all__ = ["ImuSettings"]
@@ -74,6 +75,7 @@ class ImuSettings(Section):
     wind_std_m_s: PositiveFloat = Field(8.0, description="Wind, 1 sigma each of north and east.")
     window_s: tuple[PositiveFloat, ...] = Field(
         (1.6, 4.8, 14.4, 43.2),
+        max_length=MAX_WINDOWS // 2,
         description="Lengths over which a step is looked for: abrupt and large to slow and small.",
     )
     difference_sigma: PositiveFloat = Field(

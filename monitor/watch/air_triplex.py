@@ -138,6 +138,10 @@ def _event(sensor: str, r: Rows) -> tuple[int, int, Array, NDArray[np.bool_]] | 
     return code, i, value, keep
 
 
+_HOLE_US = 3_000_000
+"""No stages are run over more of a hole in the stream than this [us]."""
+
+
 class AirTriplexWatch:
     """Judges two or three pitots and vanes each; estimates wind and air data."""
 
@@ -175,7 +179,8 @@ class AirTriplexWatch:
         t = t[order]
         if self._epoch_us is None:
             self._epoch_us = self._last_us = int(t[0])
-        stages = int((int(t[-1]) - self._last_us) * 1e-6 / STAGE_S) + 3
+        steps_us = np.minimum(np.diff(t, prepend=self._last_us), _HOLE_US)
+        stages = int(steps_us.sum() * 1e-6 / STAGE_S) + 3
         self._last_us = int(t[-1])
         estimates = np.empty((stages, N_ESTIMATE))
         log = np.empty((6 * min(stages, 4096) + 12, LOG_SIZE))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from estimators import ins_bank as bank
 from estimators.atmosphere import altitude_from_pressure
+from estimators.ins_bank_events import merge, within
 from links.samples import Rows, quantity_of
 from monitor.settings.imu import ImuSettings
 from monitor.verdict import IMU_ESTIMATE, StepResult
@@ -98,7 +99,7 @@ class ImuWatch:
         if events is None:
             return result
         t_s, kind, values = events
-        room = int((t_s[-1] - t_s[0]) / TICK_S) + 3
+        room = min(int((t_s[-1] - t_s[0]) / TICK_S) + 3, len(t_s))  # a row closes one at most
         ticks = np.zeros((room, bank.MAX_IMUS, 19))
         used = np.zeros(1, dtype=np.int64)
         at = 0
@@ -124,7 +125,10 @@ class ImuWatch:
     def _events(
         self, rows: Mapping[str, Rows]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]] | None:
-        """One stream in (time, arrival) order of all rows that the filters use."""
+        """One stream in (time, arrival) order of all rows that the filters use.
+
+        The pipeline hands over each sensor's rows in that order.
+        """
         parts = []
         for sensor, new in rows.items():
             if len(new) == 0:
@@ -136,10 +140,9 @@ class ImuWatch:
             return None
         t_us = np.concatenate([p[0]["t_us"] for p in parts])
         seq = np.concatenate([p[0]["seq"] for p in parts])
-        kind = np.concatenate([np.full(len(p[0]), p[1], dtype=np.int64) for p in parts])
         values = np.concatenate([p[2] for p in parts])
-        order = np.lexsort((seq, t_us))
-        return t_us[order] * 1e-6, kind[order], np.ascontiguousarray(values[order])
+        edge = np.cumsum([0, *(len(p[0]) for p in parts)])
+        return merge(t_us, seq, values, edge, np.array([p[1] for p in parts]))
 
     def _part(self, sensor: str, new: Rows) -> tuple[Rows, int, NDArray[np.float64]] | None:
         if sensor == "phase":
@@ -161,16 +164,16 @@ class ImuWatch:
     def _imu_part(
         self, sensor: str, imu: int, new: Rows
     ) -> tuple[Rows, int, NDArray[np.float64]] | None:
-        values = np.hstack([new["acc_m_s2"], new["gyro_rad_s"]])
-        good = (np.abs(values[:, :3]) < _LIMIT_ACC_M_S2).all(axis=1)
-        good &= (np.abs(values[:, 3:]) < _LIMIT_GYRO_RAD_S).all(axis=1)
+        values = np.zeros((len(new), bank.EVENT_WIDTH))
+        values[:, :3], values[:, 3:6] = new["acc_m_s2"], new["gyro_rad_s"]
+        good = within(values, _LIMIT_ACC_M_S2, _LIMIT_GYRO_RAD_S)
         if sensor not in self._alive:
             nonzero = np.flatnonzero((values != 0.0).any(axis=1))
             if len(nonzero) == 0:
                 return None
             self._alive.add(sensor)
             good[: nonzero[0]] = False
-        return new[good], imu, _wide(values[good])
+        return (new, imu, values) if good.all() else (new[good], imu, values[good])
 
     def _gps_part(self, sensor: str, new: Rows) -> tuple[Rows, int, NDArray[np.float64]] | None:
         good = (new["fix_type"] >= 3) & ((new["lat_rad"] != 0.0) | (new["lon_rad"] != 0.0))

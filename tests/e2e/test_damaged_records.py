@@ -136,6 +136,7 @@ DAMAGES: dict[str, Callable[[Sound], bytes]] = {
     "a gap of 10 s": lambda log: without(log, 10.0),
     "the clock 100 s ahead": lambda log: stepped(log, 100.0),
     "the clock a day ahead": lambda log: stepped(log, 86_400.0),
+    "the clock a year ahead": lambda log: stepped(log, 3.2e7),
     "the clock 2 s back": lambda log: stepped(log, -2.0),
     "the clock 50 s back": lambda log: stepped(log, -50.0),
     "a fast clock": lambda log: retimed(log, lambda t: 1.005 * t),
@@ -156,7 +157,7 @@ def test_a_broken_pitot_and_nothing_else_is_found(damage, form, flown, analyzed)
     blamed = [(f["sensor"], f["evidence"]) for f in analysis.faults]
     assert [x for x in blamed if x[0] != "airspeed0"] == []
     assert blamed
-    assert 50.0 < analysis.summary["log"]["duration_s"] < 100_000.0
+    assert 50.0 < analysis.summary["log"]["duration_s"] < 4e7
 
 
 @pytest.mark.parametrize("form", FORMATS)

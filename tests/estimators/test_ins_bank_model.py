@@ -14,6 +14,7 @@ from estimators.ins_bank_model import (
     ACC_QV,
     ACC_S,
     ACC_T,
+    COLUMNS,
     F_ACC,
     N_ACC,
     N,
@@ -51,6 +52,13 @@ def carried(x: Array, R: Array, u: Array, dt: float) -> tuple[Array, Array, Arra
     return x, R, acc
 
 
+def transited(M: Array, acc: Array, decay: Array) -> Array:
+    """The transition of columns of errors."""
+    got = M.copy()
+    apply_transition(got.reshape(-1), M.shape[1], 1, M.shape[1], acc, decay)
+    return got
+
+
 def test_mean_equals_the_twin() -> None:
     rng = np.random.default_rng(1)
     x, R = start(rng)
@@ -77,9 +85,12 @@ def test_transition_equals_the_twin_matrix() -> None:
         DECAY,
     )
     M = rng.standard_normal((N, 5))
-    got = M.copy()
-    apply_transition(got, acc, DECAY)
+    got = transited(M, acc, DECAY)
     np.testing.assert_allclose(got, Phi @ M, rtol=0, atol=1e-12)
+    rows = np.ascontiguousarray(M.T)
+    apply_transition(rows.reshape(-1), 1, N, 3, acc, DECAY)
+    np.testing.assert_array_equal(rows[:3], got.T[:3])
+    np.testing.assert_array_equal(rows[3:], M.T[3:])
 
 
 @pytest.mark.parametrize("part", range(4, 13))
@@ -100,7 +111,7 @@ def test_transition_is_the_derivative_of_the_mean(part: int) -> None:
     b, Rb, _ = carried(x_off, R_off, u, 0.02)
     column = np.zeros((N, 1))
     column[part] = 1.0
-    apply_transition(column, acc, np.ones(4))
+    column = transited(column, acc, np.ones(4))
     D = Rb @ Ra.T
     angle = 0.5 * np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     np.testing.assert_allclose((b[:3] - a[:3]) / eps, column[:3, 0], atol=2e-3)
@@ -114,7 +125,7 @@ def test_covariance_equals_the_twin_and_stays_symmetric() -> None:
     x, R, acc = carried(x, R, inputs(rng, 10), 0.02)
     A = rng.standard_normal((N, N))
     P = A @ A.T + np.eye(N)
-    F = rng.standard_normal((3, N, 6))
+    F = rng.standard_normal((N, COLUMNS))
     std, tau = np.array([0.01, 0.01, 0.05, 3.0]), np.array([30.0, 30.0, 60.0, 40.0])
     qf = np.full(6, 1e-6)
     T = acc[ACC_T]
@@ -132,8 +143,9 @@ def test_covariance_equals_the_twin_and_stays_symmetric() -> None:
     Q[4:7] = acc[ACC_QPHI : ACC_QPHI + 3]
     Q[7:13] = qf * T
     Q[13:] = std**2 * (1.0 - decay**2)
-    expected, expected_F = Phi @ P @ Phi.T + np.diag(Q), Phi @ F
-    close_interval(x, P, F, acc, std, tau, qf)
+    expected, expected_F = Phi @ P @ Phi.T + np.diag(Q), F.copy()
+    expected_F[:, :18] = Phi @ F[:, :18]
+    close_interval(x, P, F, 18, acc, std, tau, qf)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-11)
     np.testing.assert_array_equal(P, P.T)
     np.testing.assert_allclose(F, expected_F, rtol=0, atol=1e-11)
@@ -144,15 +156,21 @@ def test_update_equals_the_joseph_form() -> None:
     rng = np.random.default_rng(5)
     A = rng.standard_normal((N, N))
     x, P = rng.standard_normal(N), A @ A.T + np.eye(N)
-    F, L, Y = rng.standard_normal((2, N, 6)), np.zeros((2, 6, 6)), np.zeros((2, 6))
+    F, L, Y = rng.standard_normal((N, COLUMNS)), np.zeros((3, 6, 6)), np.zeros((3, 6))
+    unused = F[:, 12:].copy()
+    steps = [np.ascontiguousarray(F[:, 6 * w : 6 * w + 6]) for w in range(2)]
     h = np.zeros(N)
     h[[0, 4, 13]] = [1.0, -2.0, 0.5]
-    want = [twin.update(x, P, F[w], L[w], Y[w], h, 0.7, 0.2) for w in range(2)]
-    nis = scalar_update(x, P, F, L, Y, h, 0.7, 0.2)
+    want = [twin.update(x, P, steps[w], L[w], Y[w], h, 0.7, 0.2) for w in range(2)]
+    nis = scalar_update(x, P, F, L, Y, 2, h, 0.7, 0.2)
     for w in range(2):
-        got = (x, P, F[w], L[w], Y[w])
+        got = (x, P, F[:, 6 * w : 6 * w + 6], L[w], Y[w])
         for a, b in zip(got, want[w], strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10)
+    np.testing.assert_array_equal(P, P.T)
+    np.testing.assert_array_equal(F[:, 12:], unused)
+    assert not L[2].any()
+    assert not Y[2].any()
     assert 0.0 < nis < 0.7**2 / 0.2
 
 

@@ -40,6 +40,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         yield Here()
 
     monkeypatch.setattr("monitor.fleet.engine.open_engine", opened)
+    monkeypatch.setattr("monitor.commands.fleet._compile", lambda settings: None)
     return asked
 
 

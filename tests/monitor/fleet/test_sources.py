@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import zipfile
 from pathlib import Path
 
 import fsspec
@@ -107,6 +108,16 @@ def test_urls_are_listed_and_fetched(archive) -> None:
         assert sha256 == hashlib.sha256(b"x/y/b.tlog").hexdigest()
         kept = path
     assert not kept.exists()
+
+
+def test_logs_in_an_archive_file_are_listed_and_fetched(archive) -> None:
+    with zipfile.ZipFile(archive / "may.zip", "w") as packed:
+        packed.writestr("x/a.tlog", "packed")
+        packed.writestr("notes.txt", "no log")
+    (source,) = expand([f"zip://**/*.tlog::file://{archive}/may.zip"])
+    assert (source.name, source.bytes) == ("a.tlog", 6)
+    with opened(source) as (path, _):
+        assert path.read_text() == "packed"
 
 
 def test_a_local_log_is_read_where_it_lies(archive) -> None:
