@@ -10,6 +10,7 @@ given up only if its worker dies then, too.
 from __future__ import annotations
 
 import logging
+import math
 import queue
 import signal
 import time
@@ -95,6 +96,7 @@ class Cluster:
     ) -> None:
         self._client, self._wanted, self._mend = client, wanted, mend
         self._mended_s = time.monotonic()
+        self._looked_s, self._room = -math.inf, 1
         self._worked_s = time.monotonic()
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
@@ -168,7 +170,9 @@ class Cluster:
 
     def _some(self, items: Iterator[Item], ahead: int, under_way: int) -> Iterator[Item]:
         """The next items, as many as there is room for."""
-        for _ in range(under_way, ahead * max(self._look(), 1)):
+        if time.monotonic() - self._looked_s > POLL_S:
+            self._room = max(self._look(), 1)
+        for _ in range(under_way, ahead * self._room):
             try:
                 yield next(items)
             except StopIteration:
@@ -207,6 +211,7 @@ class Cluster:
         if self._client.status != "running":
             raise EngineError("the connection to the scheduler is lost")
         workers, now_s = self.workers, time.monotonic()
+        self._looked_s = now_s
         if workers < self._wanted and now_s - self._mended_s > MEND_S:
             self._mended_s = now_s
             self._mend()
