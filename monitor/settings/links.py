@@ -92,7 +92,7 @@ class LinkSettings(Section):
         191,
         ge=1,
         le=255,
-        description="Our own MAVLink component id: what carries it is sent by us and never an input.",
+        description="Our own MAVLink component id: what carries it is ours, never an input.",
     )
     components: dict[str, tuple[int, ...]] = Field(
         default_factory=dict,
