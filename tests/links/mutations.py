@@ -36,7 +36,8 @@ Place = tuple[int, int]
 class Mutation:
     """One damage: its kind, where (a share of what there is), how much, and a number for the rest.
 
-    ``size`` counts bytes, or of ``noise`` and ``stamp`` how often.
+    ``size`` counts bytes, or of ``noise`` and ``stamp`` how often; every other ``stamp`` hits all
+    that follow, as a clock that jumps does.
     """
 
     kind: str
@@ -111,7 +112,8 @@ def _aim(data: bytearray, sound: Sound, m: Mutation) -> None:
         sound.seal(data, at)
     elif m.kind == "stamp":
         by_us = (-1 if m.value & 1 else 1) << (m.value >> 1) % 62
-        for at, size in places[first : first + m.size]:
+        upto = len(places) if m.value & 256 else first + m.size
+        for at, size in places[first:upto]:
             told = _number(data, at, size)
             unit = 1000 if size == 4 else 1
             new = (told + by_us // unit) if m.value & 128 else told ^ abs(by_us)
