@@ -55,6 +55,15 @@ def test_a_lengthened_log_goes_on_and_has_the_same_rows_again(flight, tmp_path) 
     np.testing.assert_array_equal(rows["imu0"]["acc_m_s2"][-50:], once["imu0"]["acc_m_s2"][-50:])
 
 
+def test_stamps_of_two_units_stay_together_over_many_laps(flight, tmp_path) -> None:
+    """RAW_IMU counts microseconds, SCALED_IMU2 milliseconds; a lap is no whole number of them."""
+    lengthen(Flight(flight, 5.0005), tmp_path / "long.tlog", 120.0)
+    rows = Batch.concatenate(read_tlog(tmp_path / "long.tlog")).rows
+    apart = rows["imu0"]["t_us"][-50:] - rows["imu1"]["t_us"][-50:]
+    at_first = rows["imu0"]["t_us"][:50] - rows["imu1"]["t_us"][:50]
+    assert np.median(apart) == pytest.approx(np.median(at_first), abs=2000)
+
+
 def test_a_message_may_be_left_out(flight, tmp_path) -> None:
     lengthen(Flight(flight, 10.0), tmp_path / "long.tlog", 30.0, leave_out=hours.SECOND_IMU)
     rows = Batch.concatenate(read_tlog(tmp_path / "long.tlog")).rows

@@ -58,9 +58,9 @@ def lengthen(flight: Flight, out: Path, seconds: float, leave_out: str = "") -> 
     if leave_out:
         frames = frames.take(frames.message != dialect.by_name[leave_out].id)
     stamp_us = frames.stamp_us
-    first = int(np.searchsorted(stamp_us, stamp_us[-1] - round(flight.again_s * 1e6), "right"))
+    lap_us = round(flight.again_s * 1e3) * 1000  # whole ms: else stamps of two units drift apart
+    first = int(np.searchsorted(stamp_us, stamp_us[-1] - lap_us, "right"))
     again = frames.take(slice(first, None))
-    lap_us = round(flight.again_s * 1e6)
     laps = int(np.ceil((seconds * 1e6 - (stamp_us[-1] - stamp_us[0])) / lap_us))
     with open(out, "wb") as file:
         file.write(_joined(frames).tobytes())
