@@ -23,13 +23,14 @@ from typing import Any, TypeVar, cast
 import numba
 import platformdirs
 from numba.core import types
+from numba.core.types.common import Buffer
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
 __all__ = ["borrowed", "cache_root", "inlined", "is_cold", "kernel"]
 
 F = TypeVar("F", bound=Callable[..., Any])
-State = TypeVar("State", bound=tuple[Any, ...])
+State = TypeVar("State")
 
 make_view: Any = arrayobj.make_array
 _folders: set[Path] = set()
@@ -84,12 +85,13 @@ def _compiled(function: F, **options: Any) -> F:
 
 
 def borrowed(state: State) -> State:
-    """A tuple of arrays whose references are not counted, for a kernel's many calls.
+    """An array, bytes, or a tuple of them, of which no references are counted within a kernel.
 
-    A kernel counts a reference of every array of a tuple that it hands to another, twice and
-    atomically: with thirty arrays that is longer than most of what is called. Within a kernel,
-    ``b = borrowed(b)`` gives the same arrays without their counters. Whoever called the kernel
-    keeps them alive; they must not outlive the call. Elements that are no arrays stay as they are.
+    A kernel counts a reference of every array that it hands to another, twice and atomically: with
+    thirty arrays, or for every message of a stream, that is longer than most of what is called.
+    Within a kernel, ``b = borrowed(b)`` gives the same memory without its owner. Whoever called the
+    kernel keeps it alive; it must not outlive the call. Elements that are no arrays stay as they
+    are.
     """
     return state
 
@@ -99,13 +101,19 @@ def _borrowed(typing: Any, state: Any) -> Any:
     """:func:`borrowed`, in machine code: null pointers for owner and counter of every array."""
 
     def lower(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        out = args[0]
-        for i, of in enumerate(signature.args[0].types):
-            if isinstance(of, types.Array):
-                array = make_view(of)(context, builder, builder.extract_value(out, i))
-                array.meminfo = array.meminfo.type(None)
-                array.parent = array.parent.type(None)
-                out = builder.insert_value(out, array._getvalue(), i)
+        def without_owner(of: Any, value: Any) -> Any:
+            array = make_view(of)(context, builder, value)
+            array.meminfo = array.meminfo.type(None)
+            array.parent = array.parent.type(None)
+            return array._getvalue()
+
+        (of,), (out,) = signature.args, args
+        if isinstance(of, Buffer):
+            return without_owner(of, out)
+        for i, element in enumerate(of.types):
+            if isinstance(element, Buffer):
+                value = without_owner(element, builder.extract_value(out, i))
+                out = builder.insert_value(out, value, i)
         return out
 
     return state(state), lower
@@ -113,7 +121,7 @@ def _borrowed(typing: Any, state: Any) -> Any:
 
 @numba.extending.overload(borrowed, strict=False)
 def _overload_borrowed(state: Any) -> Any:
-    if isinstance(state, types.BaseTuple):
+    if isinstance(state, types.BaseTuple | Buffer):
         return lambda state: _borrowed(state)  # type: ignore[call-arg]
     return None
 

@@ -1,13 +1,8 @@
-"""Words and runs of bytes at any address, and arrays without an owner, for kernels.
+"""Words and runs of bytes at any address, for kernels.
 
 A stream of frames puts numbers where its bytes end up, which numba's arrays cannot say, and copying
 slice by slice costs more than the bytes. These intrinsics are the machine's own instructions; none
 looks at bounds, for which the caller answers.
-
-Numba counts references to every array that a compiled function hands to another one, with two
-atomic operations each time. A kernel that is made of many small functions, called for every message
-of a stream, spends most of its time on that: :func:`borrowed` gives it the same array without an
-owner, of which nothing is counted. Whoever called the kernel from Python owns it meanwhile.
 """
 
 from __future__ import annotations
@@ -19,7 +14,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["borrowed", "copy_bytes", "load_word", "store_word"]
+__all__ = ["copy_bytes", "load_word", "store_word"]
 
 _intrinsic: Callable[[Any], Any] = intrinsic
 _memcpy: Callable[..., Any] = cgutils.raw_memcpy
@@ -61,22 +56,6 @@ def copy_bytes(typingctx: Any, data: Any, at: Any, to_data: Any, to: Any, size: 
         return context.get_dummy_value()
 
     return types.void(data, types.intp, to_data, types.intp, types.intp), code
-
-
-@_intrinsic
-def borrowed(typingctx: Any, array: Any) -> Any:
-    """The same array or bytes, owned by nobody: not to be returned or kept."""
-
-    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        owned = context.make_array(array)(context, builder, args[0])
-        copy = context.make_array(array)(context, builder)
-        for name in ("nitems", "itemsize", "data", "shape", "strides"):
-            setattr(copy, name, getattr(owned, name))
-        copy.meminfo = copy.meminfo.type(None)
-        copy.parent = copy.parent.type(None)
-        return copy._getvalue()
-
-    return array(array), code
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:

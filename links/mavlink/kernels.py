@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from links.clock import OUT_OF_RANGE, REASONS, TIMED, UNIX_FROM_US, Stamp, tick
 from links.clock import REBOOTS as CLOCK_REBOOTS
 from links.clock import SIZE as CLOCK_SIZE
-from links.jit import inlined, kernel
+from links.jit import borrowed, inlined, kernel
 from links.mavlink import pitot_ratios, plan, scan
 from links.mavlink.fields import blank, copy_payload, fill_field, put, real, whole
 from links.mavlink.plan import NEVER
 from links.mavlink.scan import FOUND, GARBAGE, KEEP, NO_STAMP, UNKNOWN, scan_frames
 from links.mavlink.traffic import count_frames
-from links.memory import borrowed, load_word, store_word
+from links.memory import load_word, store_word
 from links.vocabulary import Rejection
 
 __all__ = [

@@ -9,13 +9,12 @@ import pytest
 
 from links import catalog
 from links.catalog import MAX_INSTANCES
-from links.jit import kernel
+from links.jit import borrowed, kernel
 from links.mavlink import Decoder, DecoderOptions, Encoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.plan import build_plan
 from links.mavlink.rows import build_rows, instances
 from links.mavlink.sourcing import Entry, source_table
-from links.memory import borrowed
 from links.samples import Batch
 from links.vocabulary import Rejection
 

@@ -66,8 +66,8 @@ def test_a_log_five_times_as_long_takes_no_more_memory(log, tmp_path) -> None:
     data = log.read_bytes()
     assert len(data) > 0.5 * MIB
     short, long = tmp_path / "short.tlog", tmp_path / "long.tlog"
-    short.write_bytes(2 * data)
-    long.write_bytes(10 * data)
+    short.write_bytes(6 * data)  # enough that every buffer is full
+    long.write_bytes(30 * data)
     before, after = peak_bytes(short, tmp_path / "s"), peak_bytes(long, tmp_path / "l")
     assert after < 1.2 * before, (before / MIB, after / MIB)
 
