@@ -7,6 +7,7 @@ import select
 import socket
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -142,9 +143,13 @@ def resolve(name: str, host: str, port: int, kind: int) -> tuple[int, Any]:
     return family, address
 
 
-def readable(sock: socket.socket, timeout_s: float) -> bool:
-    ready, _, _ = select.select([sock], [], [], timeout_s)
-    return bool(ready)
+def readable(sock: socket.socket) -> Callable[[float], bool]:
+    """Function of a time [s]: whether there is something to receive within it."""
+    if not hasattr(select, "poll"):  # Windows
+        return lambda timeout_s: bool(select.select([sock], [], [], timeout_s)[0])
+    poll = select.poll()
+    poll.register(sock, select.POLLIN)
+    return lambda timeout_s: bool(poll.poll(timeout_s * 1e3))
 
 
 def plain(name: str, error: Exception) -> LinkError:

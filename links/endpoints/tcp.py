@@ -75,7 +75,7 @@ class _TcpEndpoint(Link):
         if self._stream is None:
             return []
         self._stream.flush()
-        if not readable(self._stream.sock, timeout_s):
+        if not readable(self._stream.sock)(timeout_s):
             return []
         chunks, standing = self._stream.read()
         if not standing:
@@ -192,7 +192,7 @@ class TcpServer(_TcpEndpoint):
                 return []
 
     def send(self, data: bytes) -> None:
-        if readable(self._server, 0.0):
+        if readable(self._server)(0.0):
             self._accept()
         super().send(data)
 
