@@ -17,7 +17,7 @@ NAMED_VALUE_FLOAT.n    NVAL of name n         debug_key_value of key n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ from links.dataflash_columns import ESCS
 from links.mavlink.options import DecoderOptions
 from links.record_sources import RecordSource
 
-__all__ = ["dataflash_spools", "ulog_spools"]
+__all__ = ["dataflash_spools", "ulog_spools", "with_spools"]
 
 Parts = Mapping[str, tuple[str, float]]
 
@@ -103,6 +103,14 @@ def ulog_spools(options: DecoderOptions) -> list[RecordSource]:
             esc = f"esc[{c.number}].esc_rpm"
             out.append(_source("esc_status", "esc_status", esc, c, topic_instance=0))
     return out
+
+
+def with_spools(
+    sources: Iterable[RecordSource], chosen: Iterable[RecordSource]
+) -> list[RecordSource]:
+    """A table's sources, its engine speeds replaced by the chosen channels where there are any."""
+    chosen = list(chosen)
+    return [s for s in sources if not (chosen and s.quantity == "spool")] + chosen
 
 
 def _source(

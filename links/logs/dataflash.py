@@ -23,7 +23,7 @@ from links.logs.records import RecordRows, Records
 from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
-from links.spool_records import dataflash_spools
+from links.spool_records import dataflash_spools, with_spools
 from links.vocabulary import Rejection
 
 __all__ = ["DataflashReader", "read_dataflash", "warm_up"]
@@ -83,9 +83,7 @@ class DataflashReader:
         named = table.named_sources(
             options.named_inputs, options.own_component, options.components.get("NAMED_VALUE_FLOAT")
         )
-        chosen = dataflash_spools(options)
-        sources = [s for s in (*table.SOURCES, *named) if not (chosen and s.quantity == "spool")]
-        sources += chosen
+        sources = with_spools((*table.SOURCES, *named), dataflash_spools(options))
         rows = RecordRows(
             sources,
             options.ranked(table.RANKING, sources),

@@ -24,7 +24,7 @@ from links.logs.ulog_format import MAGIC, START, Block, Note, Topic, TopicRows, 
 from links.logs.words import record_words
 from links.mavlink.options import DecoderOptions, Vehicle
 from links.samples import Batch, Rows
-from links.spool_records import ulog_spools
+from links.spool_records import ulog_spools, with_spools
 
 __all__ = ["UlogReader", "columns_of", "read_ulog"]
 
@@ -113,9 +113,7 @@ class UlogReader:
     def __iter__(self) -> Iterator[Batch]:
         info, options = self.info, self._options
         named = table.named_sources(options.named_inputs)
-        chosen = ulog_spools(options)
-        sources = [s for s in (*table.SOURCES, *named) if not (chosen and s.quantity == "spool")]
-        sources += chosen
+        sources = with_spools((*table.SOURCES, *named), ulog_spools(options))
         rows = RecordRows(
             sources,
             self._ranking(options.ranked(table.RANKING, sources)),
