@@ -4,9 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
+BROWSER_STAMP := $(VENV)/.browser-installed
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
-.PHONY: install demo test lint bench clean
+.PHONY: install demo test test-external lint bench clean
 
 install: $(STAMP)
 
@@ -21,6 +22,10 @@ $(BENCH_STAMP): $(STAMP)
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation fasttlogparser
 	touch $@
 
+$(BROWSER_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[browser]'
+	touch $@
+
 demo: $(STAMP)
 	$(BIN)/mavsentry demo --out demo-out
 
@@ -32,6 +37,11 @@ lint: $(STAMP)
 
 test: $(STAMP) lint
 	$(BIN)/pytest
+
+# Tests that need a browser; SCREENS=DIR keeps pictures of the pages.
+test-external: $(BROWSER_STAMP)
+	tests/browser/install-chromium
+	$(BIN)/pytest -m external $(if $(SCREENS),--screens $(SCREENS))
 
 bench: $(BENCH_STAMP)
 	$(BIN)/mavsentry bench --json bench.json

@@ -8,6 +8,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--screens", metavar="DIR", help="keep screenshots of the pages in DIR")
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """Folder with the algorithm notes, oracle files and flights, beside the checkout."""
