@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from monitor.commands.bench_against.judges import JUDGES, OURS, PX4, Said, announced
+from monitor.announced import Said, announced
+from monitor.commands.bench_against.judges import JUDGES, OURS, PX4
 from monitor.commands.bench_against.score import Fault, Score, Truth, beaten, score
 from monitor.commands.bench_against.tables import Flight, as_json, markdown
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 from pydantic import BaseModel, ConfigDict
 
-from monitor.commands.bench_against.judges import OURS, Said
+from monitor.announced import Said
+from monitor.commands.bench_against.judges import OURS
 
 __all__ = ["Fault", "Score", "Truth", "beaten", "score"]
 

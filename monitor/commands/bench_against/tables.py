@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from monitor.commands.bench_against.judges import Said
+from monitor.announced import Said
 from monitor.commands.bench_against.score import Score, Truth, beaten
 
 __all__ = ["Flight", "as_json", "delay_rows", "false_rows", "judges_of", "markdown"]
