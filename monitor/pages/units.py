@@ -1,0 +1,33 @@
+"""Units as people read them on a screen: degrees instead of radians, nothing else changed."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+__all__ = ["on_screen", "quantity"]
+
+_SHOWN: Final = {
+    "rad": (180.0 / math.pi, "°"),
+    "rad/s": (180.0 / math.pi, "°/s"),
+    "m/s^2": (1.0, "m/s²"),
+    "m/s2": (1.0, "m/s²"),
+    "1": (1.0, ""),
+}
+
+
+def on_screen(unit: str) -> tuple[float, str]:
+    """Factor to the unit that is shown, and that unit: ``on_screen("rad/s")[1] == "°/s"``."""
+    return _SHOWN.get(unit, (1.0, unit))
+
+
+def quantity(value: float | None, unit: str | None, *, sign: bool = False) -> str:
+    """A value with its unit, to three digits; a dash where it is not known.
+
+    >>> quantity(0.0349066, "rad"), quantity(-3.0, "m/s", sign=True)
+    ('2 °', '-3 m/s')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    factor, shown = on_screen(unit or "")
+    return f"{value * factor:{'+' if sign else ''}.3g} {shown}".rstrip()

@@ -1,0 +1,1 @@
+"""The report of one flight: one HTML file that loads nothing."""
