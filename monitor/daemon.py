@@ -26,6 +26,9 @@ IDLE_S = 0.05
 DATAGRAMS_MAX = 4096
 """Datagrams worked on in one turn; what exceeds it waits for the next."""
 
+RECENT = 256
+"""Answers that the latency shown while the loop runs is of: half a minute or so."""
+
 
 class Link(Protocol):
     """What the loop needs of ``links.endpoints.Endpoint``."""
@@ -97,6 +100,8 @@ class Status:
         Newest vehicle time heard [us], None before any.
     silent
         Nothing of the vehicle for the configured time, or never.
+    silent_s
+        For how long nothing was heard of it (host's clock) [s]; None before anything was.
     turns, datagrams, rows, sent
         Counts since the start.
     latency
@@ -107,6 +112,7 @@ class Status:
 
     t_us: int | None
     silent: bool
+    silent_s: float | None
     turns: int
     datagrams: int
     rows: int
@@ -157,6 +163,7 @@ class Daemon:
         self._coalesce_us = round(settings.coalesce_ms * 1e3)
         self._silent_us = round(settings.silent_after_s * 1e6)
         self._meter = LatencyMeter()
+        self._recent = LatencyMeter(RECENT)
         self._looked_us = self._host.now_us()
         self._worked_us = self._looked_us - self._coalesce_us
         self._heard_us: int | None = None
@@ -172,7 +179,9 @@ class Daemon:
             result = self._use(arrived)
         answered = self._send_due()
         if arrived and answered:
-            self._meter.add(self._host.now_us() - oldest_us)
+            took_us = self._host.now_us() - oldest_us
+            self._meter.add(took_us)
+            self._recent.add(took_us)
         self._turns += 1
         return result
 
@@ -184,16 +193,21 @@ class Daemon:
         self._send_due()
         return StepResult([v for result in results for v in result.verdicts])
 
-    def status(self) -> Status:
-        """Counts, silence and latency now."""
+    def status(self, recent: bool = False) -> Status:
+        """Counts, silence and latency now; of the newest :data:`RECENT` answers only if asked.
+
+        The quantiles of all answers take a millisecond, those of the newest ones hardly anything.
+        """
+        now_us = self._host.now_us()
         return Status(
             self._t_us,
-            self._silent(self._host.now_us()),
+            self._silent(now_us),
+            None if self._heard_us is None else max(now_us - self._heard_us, 0) / 1e6,
             self._turns,
             self._datagrams,
             self._rows,
             self._sent,
-            self._meter.read(),
+            (self._recent if recent else self._meter).read(),
         )
 
     def discard_waiting(self) -> int:

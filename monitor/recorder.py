@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from links.logs.tlog import TlogWriter
@@ -32,6 +33,9 @@ def whole_frames(frames: Frames) -> Iterator[tuple[bytes, int]]:
 class Recorder:
     """Writes what is received and sent into ``DIR/mavsentry-<start in UTC>-<number>.tlog``.
 
+    A disk that is full or gone while it runs ends the recording and nothing else: ``stopped`` then
+    says why.
+
     Parameters
     ----------
     folder
@@ -40,6 +44,13 @@ class Recorder:
         Bounds of a file and of the folder.
     dialect
         Whose frames are recognised.
+
+    Attributes
+    ----------
+    stopped
+        Why nothing is recorded any more, in one sentence; None while it is.
+    file_bytes, bytes
+        Of the file being written, and of all since the start.
 
     Raises
     ------
@@ -59,7 +70,8 @@ class Recorder:
         self._stem = time.strftime("mavsentry-%Y%m%dT%H%M%SZ", time.gmtime())
         self._newest_us = time.time_ns() // 1000
         self._number = 0
-        self._written = 0
+        self.stopped: str | None = None
+        self.file_bytes = self.bytes = 0
         self._writer = self._open()
 
     @property
@@ -69,20 +81,35 @@ class Recorder:
 
     def take(self, data: bytes, host_us: int) -> None:
         """Record the frames that these bytes complete, stamped with their arrival."""
+        if self.stopped is not None:
+            return
         self._newest_us = self._unix_from_host_us + host_us
-        self._write(self._framer.feed(data))
-        self._go_on()
+        try:
+            self._write(self._framer.feed(data))
+            self._go_on()
+        except OSError as error:
+            self._stop(error)
 
     def take_sent(self, frame: bytes, host_us: int) -> None:
         """Record one whole frame of our own; bytes received that make none yet wait beside it."""
+        if self.stopped is not None:
+            return
         self._newest_us = max(self._newest_us, self._unix_from_host_us + host_us)
-        self._put(frame)
-        self._go_on()
+        try:
+            self._put(frame)
+            self._go_on()
+        except OSError as error:
+            self._stop(error)
 
     def close(self) -> None:
         """Record what still waited for more bytes, and finish the file."""
-        self._write(self._framer.finish())
-        self._writer.close()
+        if self.stopped is not None:
+            return
+        try:
+            self._write(self._framer.finish())
+            self._writer.close()
+        except OSError as error:
+            self._stop(error)
 
     def __enter__(self) -> Recorder:
         return self
@@ -90,23 +117,30 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _stop(self, error: OSError) -> None:
+        """That was the last that could be recorded."""
+        self.stopped = f"recording has stopped: {error.strerror or error}"
+        with suppress(OSError):
+            self._writer.close()
+
     def _write(self, frames: Frames) -> None:
         for frame, _ in whole_frames(frames):
             self._put(frame)
 
     def _put(self, frame: bytes) -> None:
         self._writer.write(frame, self._newest_us)
-        self._written += _STAMP_BYTES + len(frame)
+        self.file_bytes += _STAMP_BYTES + len(frame)
+        self.bytes += _STAMP_BYTES + len(frame)
 
     def _go_on(self) -> None:
         """Begin the next file where this one is full."""
-        if self._written > self._file_max:
+        if self.file_bytes > self._file_max:
             self._writer.close()
             self._number += 1
             self._writer = self._open()
 
     def _open(self) -> TlogWriter:
-        self._written = 0
+        self.file_bytes = 0
         self._make_room()
         return TlogWriter(self.path)
 

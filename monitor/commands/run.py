@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -17,10 +17,13 @@ from monitor.commands.common import ConfigFile, Profile, Refused, load_settings,
 
 if TYPE_CHECKING:
     from links.endpoints import Endpoint
+    from monitor.commands.live_page import LivePage
     from monitor.commands.screen import Show
     from monitor.daemon import Daemon
     from monitor.pipeline import Pipeline
+    from monitor.recorder import Recorder
     from monitor.settings import Settings
+    from monitor.verdict import StepResult
 
 __all__ = ["run"]
 
@@ -57,6 +60,14 @@ def run(
             metavar="DIR", help="Record what is received and published as .tlog in this folder."
         ),
     ] = None,
+    web: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Serve the live page and Prometheus metrics there, such as 127.0.0.1:8080; any "
+            "address but a loopback one asks for a token.",
+        ),
+    ] = None,
     json_lines: Annotated[
         bool, typer.Option("--json", help="Print each change of state as a line of JSON.")
     ] = False,
@@ -71,14 +82,32 @@ def run(
         link_in = stack.enter_context(open_link(source))
         settings = load_settings(profile, config)
         links_out = [stack.enter_context(open_link(sink, write=True)) for sink in sinks or ()]
+        page = _page(web, settings, source, stack)
         note(f"mavsentry: listening on {source}")
-        pipeline, daemon = _assemble(settings, link_in, links_out, record, stack)
+        loop = _assemble(settings, link_in, links_out, record, page, stack)
         from monitor.commands.screen import output, tell_status
 
         tell = partial(tell_status, json_lines=json_lines)
         with output(json_lines, source) as show:
-            _loop(daemon, pipeline, link_in, show, tell)
-        tell(daemon.status(), stopped=True)
+            _turn(loop, link_in, show, tell)
+        tell(loop.daemon.status(), stopped=True)
+
+
+class _Loop(NamedTuple):
+    """What turns: ``look`` sees the result of each turn."""
+
+    daemon: Daemon
+    pipeline: Pipeline
+    look: Callable[[StepResult], None]
+
+
+def _page(web: str | None, settings: Settings, source: str, stack: ExitStack) -> LivePage | None:
+    """The live page at this address, if one is asked for; nothing of it is loaded otherwise."""
+    if web is None:
+        return None
+    from monitor.commands.live_page import LivePage
+
+    return LivePage(web, settings, source, stack)
 
 
 def _assemble(
@@ -86,8 +115,9 @@ def _assemble(
     link_in: Endpoint,
     links_out: list[Endpoint],
     record: Path | None,
+    page: LivePage | None,
     stack: ExitStack,
-) -> tuple[Pipeline, Daemon]:
+) -> _Loop:
     """Build the stages and load their kernels while the link's buffer already fills."""
     began_s = time.monotonic()
     from links.endpoints.files import LogEndpoint
@@ -119,7 +149,7 @@ def _assemble(
 
     has_message = Encoder(1, here.component_id, here.dialect).has
     warm_up(settings, note)
-    pipeline = Pipeline(settings)
+    pipeline = Pipeline(settings, taps=page.taps if page else ())
     daemon = Daemon(
         link_in,
         [*([link_in] if settings.publish.to_input else []), *links_out],
@@ -132,25 +162,48 @@ def _assemble(
     )
     if time.monotonic() - began_s > SLOW_START_S and not isinstance(link_in, LogEndpoint):
         daemon.discard_waiting()
-    return pipeline, daemon
+    looks = [page.begin(daemon, pipeline, decoder.counters, recorder)] if page else []
+    if recorder is not None:
+        looks.append(_stopped(recorder))
+
+    def look(result: StepResult) -> None:
+        for each in looks:
+            each(result)
+
+    return _Loop(daemon, pipeline, look)
 
 
-def _loop(
-    daemon: Daemon,
-    pipeline: Pipeline,
+def _stopped(recorder: Recorder) -> Callable[[StepResult], None]:
+    """Says once that nothing is recorded any more."""
+    told = False
+
+    def look(_: StepResult) -> None:
+        nonlocal told
+        if recorder.stopped is not None and not told:
+            told = True
+            note(f"mavsentry: {recorder.stopped}")
+
+    return look
+
+
+def _turn(
+    loop: _Loop,
     link_in: Endpoint,
     show: Show,
     tell: Callable[..., None],
 ) -> None:
     """Turn until SIGINT, SIGTERM or the end of a file; SIGUSR1 tells how the loop is doing."""
+    daemon, pipeline = loop.daemon, loop.pipeline
     asked: set[int] = set()
     for number in (*STOP, *TELL):
         signal.signal(number, lambda received, frame: asked.add(received))
     while asked.isdisjoint(STOP) and not link_in.ended:
         result = daemon.turn()
+        loop.look(result)
         show(result.verdicts, pipeline.states(), daemon.status)
         if not asked.isdisjoint(TELL):
             asked -= TELL
             tell(daemon.status())
     result = daemon.finish()
+    loop.look(result)
     show(result.verdicts, pipeline.states(), daemon.status)

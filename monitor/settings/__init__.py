@@ -27,6 +27,7 @@ from monitor.settings.recorder import RecorderSettings
 from monitor.settings.streams import StreamSettings
 from monitor.settings.triplex import TriplexSettings
 from monitor.settings.vane import VaneSettings
+from monitor.settings.web import WebSettings
 from monitor.settings.wing import WingSettings
 
 __all__ = [
@@ -64,6 +65,7 @@ class Settings(Section):
     wing: WingSettings = Field(default_factory=WingSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
+    web: WebSettings = Field(default_factory=WebSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)
 
 

@@ -9,7 +9,8 @@ is the same, and those that come again are told by their ``number``. A viewer sa
 ==================  =============================================================================
 times ``*t_s``      vehicle time in seconds, the clock of the vehicle; null before it is known
 ``*_unix_s``        Unix time in seconds
-angles, rates       degrees, deg/s; all else SI, the unit in the name or in ``channels``
+angles, rates       degrees, deg/s; all else SI, the unit in the name, in ``unit`` or ``channels``
+                    (as people read it: ``m/s²``, ``°``, ``°/s``)
 missing numbers     null (JSON has no NaN); a key that may be missing is ``NotRequired``: nothing
                     new is said of it, what was said last stands
 ==================  =============================================================================
@@ -324,9 +325,13 @@ class Frame(_Seldom):
         ``aoa0``, ``spool0``, ``gps0.speed``, ``altitude``, ``roll``, ``pitch`` ...; units are in
         ``channels``.
     tests
-        Sensor -> largest test statistic over its threshold; 1 is the threshold.
+        Sensor -> largest test statistic over its threshold; 1 is the threshold. ``imu0.blame``:
+        how clear it is that a dispute between IMUs is this one's fault.
     air, imu, engine, wing
         The newest estimate, if there is a newer one; ``imu`` by the name of the IMU.
+    expected
+        Pitot or vane -> what it should show now and its standard deviation, in the unit of its
+        channel; those of which it is known.
     """
 
     kind: Literal["frame"]
@@ -344,6 +349,7 @@ class Frame(_Seldom):
     imu: NotRequired[dict[str, Imu]]
     engine: NotRequired[Engine]
     wing: NotRequired[Wing]
+    expected: NotRequired[dict[str, tuple[float, Number]]]
 
 
 class History(TypedDict):

@@ -1,7 +1,9 @@
 """The recorder keeps every frame that was received, within its bounds."""
 
 import os
+from pathlib import Path
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as wire
 
 from links.mavlink.dialect import load_dialect
@@ -25,10 +27,15 @@ def frames(count: int, *, signed: bool = False) -> list[bytes]:
 def read_back(folder) -> list[tuple[bytes, int]]:
     out = []
     for file in sorted(folder.glob("*.tlog")):
-        framer = Framer(load_dialect(), stamped=True)
-        out += list(whole_frames(framer.feed(file.read_bytes())))
-        out += list(whole_frames(framer.finish()))
-        assert framer.bad_bytes == 0
+        out += read_back_of(file)
+    return out
+
+
+def read_back_of(file) -> list[tuple[bytes, int]]:
+    framer = Framer(load_dialect(), stamped=True)
+    out = list(whole_frames(framer.feed(file.read_bytes())))
+    out += list(whole_frames(framer.finish()))
+    assert framer.bad_bytes == 0
     return out
 
 
@@ -90,3 +97,29 @@ def read_back_last(kept) -> bytes:
     framer = Framer(load_dialect(), stamped=True)
     data = kept[-1].read_bytes() or kept[-2].read_bytes()
     return list(whole_frames(framer.feed(data)))[-1][0]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk is feigned by /dev/full")
+def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path):
+    with Recorder(tmp_path, RecorderSettings(file_max_mb=0.1)) as recorder:
+        first = recorder.path
+        first.with_name(first.name.replace("-000", "-001")).symlink_to("/dev/full")
+        sent = frames(5000)
+        for k, frame in enumerate(sent):
+            recorder.take(frame, k)
+            recorder.take_sent(frame, k)
+        assert recorder.stopped == "recording has stopped: No space left on device"
+    kept = [frame for frame, _ in read_back_of(first)]
+    assert kept == [frame for frame in sent for _ in (0, 1)][: len(kept)]
+    assert first.stat().st_size > 100_000
+
+
+def test_bytes_of_this_file_and_of_all_are_counted(tmp_path):
+    with Recorder(tmp_path, RecorderSettings(file_max_mb=0.01)) as recorder:
+        for k, frame in enumerate(frames(500)):
+            recorder.take(frame, k)
+        path, counts = recorder.path, (recorder.file_bytes, recorder.bytes)
+    files = sorted(tmp_path.glob("*.tlog"))
+    assert len(files) > 1
+    assert path == files[-1]
+    assert counts == (path.stat().st_size, sum(file.stat().st_size for file in files))
