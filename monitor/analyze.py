@@ -22,6 +22,7 @@ from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
 from monitor.readback import ReadBack
 from monitor.settings import Settings, changed
+from monitor.traces import Traces
 from monitor.verdict import StepResult, Verdict
 
 __all__ = ["MISSING_REPORT_EXTRA", "Analysis", "analyze_into", "analyze_log"]
@@ -91,7 +92,8 @@ def analyze_log(
     progress
         Called with (bytes read, bytes in all) after each batch.
     sink
-        Takes the estimates as they come; without it they are dropped.
+        Takes the estimates and the traces of what was measured as they come; without it they are
+        dropped.
 
     Raises
     ------
@@ -101,15 +103,15 @@ def analyze_log(
         The sink cannot write.
     """
     log = open_log(path, settings.links.decoder_options())
-    baselines = BaselineTap()
-    pipeline = Pipeline(settings, taps=[baselines])
+    baselines, traces = BaselineTap(), Traces(settings.engine)
+    pipeline = Pipeline(settings, taps=[baselines] if sink is None else [baselines, traces])
     ledger = summary.Ledger()
     live = ReadBack(settings.links.component_id)
 
     def use(result: StepResult) -> None:
         ledger.add(result.verdicts)
         if sink is not None:
-            sink.add(result.estimates)
+            sink.add(result.estimates | traces.take())
 
     # What a log holds may be no number at all: it is rejected, not complained about.
     with np.errstate(all="ignore"):
@@ -119,6 +121,8 @@ def analyze_log(
             if progress is not None:
                 progress(log.info.bytes_read, log.info.bytes)
         use(pipeline.finish())
+        if sink is not None:
+            sink.add(traces.finish())
     found = summarize(log.info, pipeline, ledger)
     said = live.summary(
         log.info.vehicle.system_id, log.info.first_t_us, found["faults"] + found["events"]
