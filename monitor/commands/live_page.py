@@ -40,6 +40,11 @@ class LivePage:
     stack
         Closes it.
 
+    Attributes
+    ----------
+    url
+        Where a browser on this machine finds it.
+
     Raises
     ------
     Refused
@@ -62,6 +67,7 @@ class LivePage:
             token = find_token(here.token_file, os.environ, listening.loopback)
         except WebError as error:
             raise Refused(str(error)) from None
+        self.url = listening.url
         setup = {
             "token": token.value if token else None,
             "hosts": [listening.host, *here.hosts],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -88,17 +88,18 @@ def run(
         from monitor.commands.screen import output, tell_status
 
         tell = partial(tell_status, json_lines=json_lines)
-        with output(json_lines, source) as show:
+        with output(json_lines, source, loop.beside) as show:
             _turn(loop, link_in, show, tell)
         tell(loop.daemon.status(), stopped=True)
 
 
 class _Loop(NamedTuple):
-    """What turns: ``look`` sees the result of each turn."""
+    """What turns: ``look`` sees the result of each turn, ``beside`` gives facts for the screen."""
 
     daemon: Daemon
     pipeline: Pipeline
     look: Callable[[StepResult], None]
+    beside: Callable[[], Sequence[str]]
 
 
 def _page(web: str | None, settings: Settings, source: str, stack: ExitStack) -> LivePage | None:
@@ -170,7 +171,16 @@ def _assemble(
         for each in looks:
             each(result)
 
-    return _Loop(daemon, pipeline, look)
+    return _Loop(daemon, pipeline, look, partial(_beside, recorder, page))
+
+
+def _beside(recorder: Recorder | None, page: LivePage | None) -> list[str]:
+    """The recording and the page's address, for the screen."""
+    said = [] if page is None else [f"page {page.url}"]
+    if recorder is not None:
+        file = f"{recorder.path.name}, {recorder.file_bytes / 1e6:.1f} MB"
+        said.append(recorder.stopped or f"recording {file}")
+    return said
 
 
 def _stopped(recorder: Recorder) -> Callable[[StepResult], None]:
@@ -200,10 +210,10 @@ def _turn(
     while asked.isdisjoint(STOP) and not link_in.ended:
         result = daemon.turn()
         loop.look(result)
-        show(result.verdicts, pipeline.states(), daemon.status)
+        show(result, pipeline.states(), daemon.status)
         if not asked.isdisjoint(TELL):
             asked -= TELL
             tell(daemon.status())
     result = daemon.finish()
     loop.look(result)
-    show(result.verdicts, pipeline.states(), daemon.status)
+    show(result, pipeline.states(), daemon.status)

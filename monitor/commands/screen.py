@@ -1,32 +1,40 @@
-"""How ``mavsentry run`` shows what it sees: a live table, lines, or JSON lines."""
+"""How ``mavsentry run`` shows what it sees: a live screen, lines, or JSON lines."""
 
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from monitor.commands.board import Board, Rates, View
 from monitor.commands.common import note
-from monitor.commands.showing import as_json, finite, lines, state_table
+from monitor.commands.showing import as_json, finite, lines
 from monitor.daemon import Status
-from monitor.verdict import Verdict
+from monitor.verdict import StepResult, Verdict
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.live import Live
+    import numpy as np
+    from rich.console import Console
 
-__all__ = ["Show", "output", "tell_status"]
+__all__ = ["Beside", "Screen", "Show", "output", "tell_status"]
 
-Show = Callable[[list[Verdict], Mapping[str, Verdict], Callable[[], Status]], None]
-"""Shows the changes of one turn; the states and the loop's status are asked for when drawn."""
+Show = Callable[[StepResult, Mapping[str, Verdict], Callable[[], Status]], None]
+"""Shows what one turn gave; the states and the loop's status are asked for when drawn."""
 
-REDRAW_S = 0.25
-CHANGES_KEPT = 8
+Beside = Callable[[], Sequence[str]]
+"""Gives further facts for the screen's last line, when it is drawn."""
+
+REDRAW_S = 0.5
+"""Longest that the screen stays as it is; a change of state is drawn at once."""
+
+RATE_OVER_S = 2.0
+"""Rates are counted over about this long."""
+
+CHANGES_KEPT = 100
 
 
 def status_line(status: Status) -> str:
@@ -58,66 +66,117 @@ def tell_status(status: Status, json_lines: bool, stopped: bool = False) -> None
 
 
 @contextmanager
-def output(json_lines: bool, title: str) -> Iterator[Show]:
-    """What fits: JSON lines if asked for, a live table on a terminal, else a line per change."""
+def output(json_lines: bool, title: str, beside: Beside = tuple) -> Iterator[Show]:
+    """What fits: JSON lines if asked for, a live screen on a terminal, else a line per change.
+
+    Parameters
+    ----------
+    title
+        The link that is listened to.
+    beside
+        Further facts for the screen: the recording, the address of the live page.
+    """
     if json_lines:
         yield _show_json
-    elif sys.stdout.isatty():
-        with _Screen(title) as screen:
+        return
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    if console.is_terminal and not console.is_dumb_terminal:
+        with Screen(console, title, beside) as screen:
             yield screen.show
     else:
         yield _show_lines
 
 
 def _show_json(
-    verdicts: list[Verdict], states: Mapping[str, Verdict], status: Callable[[], Status]
+    result: StepResult, states: Mapping[str, Verdict], status: Callable[[], Status]
 ) -> None:
-    for verdict in verdicts:
+    for verdict in result.verdicts:
         print(json.dumps(as_json(verdict)), flush=True)
 
 
 def _show_lines(
-    verdicts: list[Verdict], states: Mapping[str, Verdict], status: Callable[[], Status]
+    result: StepResult, states: Mapping[str, Verdict], status: Callable[[], Status]
 ) -> None:
-    for text in lines(verdicts):
+    for text in lines(result.verdicts):
         print(text, flush=True)
 
 
-class _Screen:
-    """A table of all states above the newest changes, redrawn a few times a second."""
+class Screen:
+    """All states, the newest changes and the link, redrawn a few times a second.
 
-    def __init__(self, title: str) -> None:
+    It is drawn on the terminal's other page, so that a window that changes its size leaves no
+    scraps; at the end the last of it is printed where the command was given.
+
+    Parameters
+    ----------
+    console
+        A terminal.
+    title
+        The link that is listened to.
+    beside
+        Further facts for the last line.
+    """
+
+    def __init__(self, console: Console, title: str, beside: Beside = tuple) -> None:
         from rich.live import Live
 
+        self._console = console
+        self._live = Live(console=console, screen=True, auto_refresh=False)
         self._title = title
+        self._beside = beside
         self._changes: deque[str] = deque(maxlen=CHANGES_KEPT)
-        self._drawn_s = 0.0
-        self._live: Live = Live(auto_refresh=False, vertical_overflow="crop")
+        self._newest: dict[str, np.void] = {}
+        self._counts: deque[tuple[float, Status]] = deque()
+        self._drawn_s = -REDRAW_S
+        self._asked: tuple[Mapping[str, Verdict], Callable[[], Status]] | None = None
 
-    def __enter__(self) -> _Screen:
+    def __enter__(self) -> Screen:
         self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._live.stop()
+        if self._asked is not None:
+            self._console.print(Board(self._look(*self._asked), whole=True))
 
     def show(
         self,
-        verdicts: list[Verdict],
+        result: StepResult,
         states: Mapping[str, Verdict],
         status: Callable[[], Status],
     ) -> None:
-        self._changes.extend(lines(verdicts))
+        """Take what one turn gave; draw if something changed or it was long ago."""
+        self._changes.extend(lines(result.verdicts))
+        for name, rows in result.estimates.items():
+            if len(rows):
+                self._newest[name] = rows[-1]
+        self._asked = states, status
         now_s = time.monotonic()
-        if not verdicts and now_s - self._drawn_s < REDRAW_S:
-            return
-        self._drawn_s = now_s
-        self._live.update(self._picture(states, status()), refresh=True)
+        if result.verdicts or now_s - self._drawn_s >= REDRAW_S:
+            self._drawn_s = now_s
+            self._live.update(Board(self._look(states, status)), refresh=True)
 
-    def _picture(self, states: Mapping[str, Verdict], status: Status) -> RenderableType:
-        from rich.console import Group
-        from rich.text import Text
+    def _look(self, states: Mapping[str, Verdict], status: Callable[[], Status]) -> View:
+        """What there is to show now."""
+        now = status()
+        rates = self._rates(time.monotonic(), now)
+        beside, changes = tuple(self._beside()), tuple(self._changes)
+        return View(self._title, states, now, self._newest, changes, rates, beside)
 
-        head = Text(status_line(status), style="bold magenta" if status.silent else "dim")
-        newest = [Text(change, no_wrap=True, overflow="ellipsis") for change in self._changes]
-        return Group(state_table(states, f"mavsentry on {self._title}"), *newest, head)
+    def _rates(self, now_s: float, now: Status) -> Rates:
+        """Per second, since about :data:`RATE_OVER_S` ago."""
+        counts = self._counts
+        counts.append((now_s, now))
+        while len(counts) > 2 and now_s - counts[1][0] >= RATE_OVER_S:
+            counts.popleft()
+        then_s, then = counts[0]
+        took_s = now_s - then_s
+        if took_s < 0.5 * REDRAW_S:
+            return Rates()
+        return Rates(
+            (now.datagrams - then.datagrams) / took_s,
+            (now.rows - then.rows) / took_s,
+            (now.sent - then.sent) / took_s,
+        )

@@ -1,23 +1,22 @@
-"""Verdicts and states for a person's eyes: lines, tables, colours."""
+"""Verdicts and states for a person's eyes: lines, JSON, colours."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
-from math import isfinite
-from typing import TYPE_CHECKING, Any
+from math import degrees, isfinite
+from typing import TYPE_CHECKING, Any, Final
 
 from links.vocabulary import GYRO_ACC_AXES, State
 from monitor.announce import size_phrase
 from monitor.verdict import Verdict
 
 if TYPE_CHECKING:
-    from rich.table import Table
-    from rich.text import Text
+    import numpy as np
 
-__all__ = ["as_json", "finite", "lines", "state_table", "styled", "why"]
+__all__ = ["STYLES", "as_json", "duration", "finite", "lines", "true_value", "why"]
 
-_STYLES = {
+STYLES: Final = {
     State.OK: "green",
     State.SUSPECT: "yellow",
     State.FAULTY: "bold red",
@@ -26,6 +25,11 @@ _STYLES = {
     State.ABSENT: "dim",
     State.UNMONITORED: "dim",
 }
+"""Colour of a state's word on a terminal; the word is always there too."""
+
+
+FRESH_US: Final = 2_000_000
+"""A reconstructed value older than this is not the true value now [us]."""
 
 
 def finite(value: Any) -> Any:
@@ -76,28 +80,6 @@ def grouped(states: Mapping[str, Verdict]) -> list[tuple[str, Verdict]]:
     return list(out.items())
 
 
-def styled(state: State) -> Text:
-    """The state's word in its colour."""
-    from rich.text import Text
-
-    return Text(state.upper() if state is State.FAULTY else str(state), style=_STYLES[state])
-
-
-def state_table(states: Mapping[str, Verdict], title: str | None = None) -> Table:
-    """Sensor, state, since when, why."""
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", expand=True)
-    table.add_column("sensor", no_wrap=True)
-    table.add_column("state", no_wrap=True, width=11)
-    table.add_column("since", justify="right", no_wrap=True)
-    table.add_column("", ratio=1)
-    for sensor, verdict in grouped(states):
-        since_us = verdict.t_us if verdict.onset_t_us is None else verdict.onset_t_us
-        table.add_row(sensor, styled(verdict.state), f"{since_us / 1e6:.1f} s", why(verdict))
-    return table
-
-
 def lines(verdicts: Iterable[Verdict]) -> list[str]:
     """The changes as lines, an IMU's six equal changes at one moment as one line."""
     out = []
@@ -107,3 +89,45 @@ def lines(verdicts: Iterable[Verdict]) -> list[str]:
     for changes in by_moment.values():
         out += [line(verdict, sensor) for sensor, verdict in grouped(changes)]
     return out
+
+
+def true_value(sensor: str, newest: Mapping[str, np.void], t_us: int) -> str:
+    """``"1.25 m/s^2"``: what the sensor should read now; empty where that is not known.
+
+    Parameters
+    ----------
+    newest
+        Newest row of each estimate.
+    t_us
+        Vehicle time now [us]; older rows are not believed.
+    """
+    group, _, axis = sensor.partition(".")
+    name = group if axis else "engine" if group.startswith("spool") else "air"
+    row = newest.get(name)
+    if row is None or t_us - int(row["t_us"]) > FRESH_US:
+        return ""
+    if axis in GYRO_ACC_AXES:
+        place = GYRO_ACC_AXES.index(axis)
+        if place < 3:
+            value, unit, digits = float(row["acc_m_s2"][place]), "m/s^2", 2
+        else:
+            value, unit, digits = degrees(row["gyro_rad_s"][place - 3]), "deg/s", 2
+    elif group.startswith("airspeed"):
+        value, unit, digits = float(row["cas_m_s"]), "m/s", 1
+    elif group.startswith("aoa"):
+        value, unit, digits = degrees(row["aoa_rad"]), "deg", 1
+    elif group.startswith("spool") and int(group[5:]) < len(row["speed_rpm"]):
+        value, unit, digits = float(row["speed_rpm"][int(group[5:])]), "rpm", 0
+    else:
+        return ""
+    return f"{value:.{digits}f} {unit}" if isfinite(value) else ""
+
+
+def duration(seconds: float) -> str:
+    """``12 s``, ``3:05``, ``1:02:05``."""
+    whole = max(0, int(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    minutes, second = divmod(whole, 60)
+    hours, minute = divmod(minutes, 60)
+    return f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"
