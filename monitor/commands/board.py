@@ -206,9 +206,8 @@ class _Pen:
         if status.t_us is None:
             return "nothing heard of a vehicle yet", "bold reverse magenta"
         if status.silent:
-            return "LINK SILENT: nothing is judged, states are the last known", (
-                "bold reverse magenta"
-            )
+            lasts = "" if status.silent_s is None else f" for {duration(status.silent_s)}"
+            return f"LINK SILENT{lasts}: states are the last known", "bold reverse magenta"
         counts: dict[State, list[str]] = {state: [] for state in GRAVEST}
         for entry in self._entries:
             counts[entry.verdict.state].append(entry.name)

@@ -204,16 +204,17 @@ def _turn(
 ) -> None:
     """Turn until SIGINT, SIGTERM or the end of a file; SIGUSR1 tells how the loop is doing."""
     daemon, pipeline = loop.daemon, loop.pipeline
+    recent = partial(daemon.status, recent=True)
     asked: set[int] = set()
     for number in (*STOP, *TELL):
         signal.signal(number, lambda received, frame: asked.add(received))
     while asked.isdisjoint(STOP) and not link_in.ended:
         result = daemon.turn()
         loop.look(result)
-        show(result, pipeline.states(), daemon.status)
+        show(result, pipeline.states(), recent)
         if not asked.isdisjoint(TELL):
             asked -= TELL
             tell(daemon.status())
     result = daemon.finish()
     loop.look(result)
-    show(result, pipeline.states(), daemon.status)
+    show(result, pipeline.states(), recent)

@@ -66,7 +66,14 @@ def healthy(imus=2, pitots=2):
 
 def status(t_us=NOW_US, silent=False, counts=0, latency=None):
     return Status(
-        t_us, silent, 1, counts, 10 * counts, counts // 10, latency or Latency(0, *[NONE] * 3)
+        t_us,
+        silent,
+        12.3 if silent else 0.1,
+        1,
+        counts,
+        10 * counts,
+        counts // 10,
+        latency or Latency(0, *[NONE] * 3),
     )
 
 
@@ -128,7 +135,7 @@ def test_all_well_is_said_with_how_many():
         ({"status": status(None)}, " nothing heard of a vehicle yet"),
         (
             {"status": status(silent=True)},
-            " LINK SILENT: nothing is judged, states are the last known",
+            " LINK SILENT for 12 s: states are the last known",
         ),
         ({"states": {}}, " no sensor is judged now"),
     ],
