@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from monitor.pages.palette import dark_by_light, tokens
+from monitor.pages.palette import LOOKS, dark_by_light, tokens
 
 if TYPE_CHECKING:
     import jinja2
@@ -56,6 +56,7 @@ def environment(folder: Path) -> jinja2.Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    made.globals["marks"] = {str(state): look.mark for state, look in LOOKS.items()}
     made.filters |= {"count": lambda count: f"{count:,}", "clock": clock}
     return made
 

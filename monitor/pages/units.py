@@ -1,4 +1,4 @@
-"""Units as people read them on a screen: degrees instead of radians, nothing else changed."""
+"""Units as people read them on a screen: degrees instead of radians, the others by their sign."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from typing import Final
 __all__ = ["on_screen", "quantity"]
 
 _SHOWN: Final = {
-    "rad": (180.0 / math.pi, "°"),
-    "rad/s": (180.0 / math.pi, "°/s"),
+    "rad": (180.0 / math.pi, "deg"),
+    "rad/s": (180.0 / math.pi, "deg/s"),
     "m/s^2": (1.0, "m/s²"),
     "m/s2": (1.0, "m/s²"),
+    "1/min": (1.0, "rpm"),
     "1": (1.0, ""),
 }
 
 
 def on_screen(unit: str) -> tuple[float, str]:
-    """Factor to the unit that is shown, and that unit: ``on_screen("rad/s")[1] == "°/s"``."""
+    """Factor to the unit that is shown, and that unit: ``on_screen("rad/s")[1] == "deg/s"``."""
     return _SHOWN.get(unit, (1.0, unit))
 
 
@@ -25,7 +26,7 @@ def quantity(value: float | None, unit: str | None, *, sign: bool = False) -> st
     """A value with its unit, to three digits; a dash where it is not known.
 
     >>> quantity(0.0349066, "rad"), quantity(-3.0, "m/s", sign=True)
-    ('2 °', '-3 m/s')
+    ('2 deg', '-3 m/s')
     """
     if value is None or not math.isfinite(value):
         return "–"

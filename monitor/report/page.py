@@ -2,38 +2,95 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from monitor.pages import html
+from monitor.report import timeline
 from monitor.report.section import Chart, Fold, Part, Section
+from monitor.report.verdict_sentence import Top, top
 
 if TYPE_CHECKING:
-    from bokeh.models import Model
+    from bokeh.models import Model, Range1d
 
-__all__ = ["REPORT", "frame", "write_file"]
+    from monitor.report.flight import Flight
+
+__all__ = ["REPORT", "render", "write_report"]
 
 REPORT: Final = "report.html"
 _HERE = Path(__file__).parent
+_ORDER: Final = (
+    "evidence",
+    "air",
+    "imu",
+    "engine",
+    "wing",
+    "track",
+    "autopilots",
+    "streams",
+    "coverage",
+    "configuration",
+)
+"""Modules of this package, each with ``section(flight, axis)``."""
 _SCRIPTS: Final = ("theme.js", "charts.js", "report.js")
 
 
-def frame(title: str, top: dict[str, Any], sections: Sequence[Section]) -> str:
+def render(flight: Flight) -> str:
+    """The report as HTML.
+
+    Parameters
+    ----------
+    flight
+        What was found, and the series to draw.
+    """
+    from bokeh.models import Range1d
+
+    axis = Range1d(0.0, max(flight.duration_s, 1.0), bounds="auto")
+    sections = [timeline.section(flight, axis), *_sections(flight, axis)]
+    return frame(top(flight), [section for section in sections if section is not None])
+
+
+def write_report(folder: Path, flight: Flight) -> Path:
+    """Write ``report.html`` into a folder and return its path; it is whole or not there.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    ModuleNotFoundError
+        The extra ``report`` is not installed.
+    """
+    path = folder / REPORT
+    write_file(path, render(flight))
+    return path
+
+
+def _sections(flight: Flight, axis: Range1d) -> Iterator[Section | None]:
+    """Evidence of each fault and event, then the panels."""
+    for name in _ORDER:
+        if importlib.util.find_spec(f"monitor.report.{name}") is not None:
+            yield importlib.import_module(f"monitor.report.{name}").section(flight, axis)
+
+
+def frame(head: Top, sections: Sequence[Section]) -> str:
     """The page as HTML.
 
     Parameters
     ----------
-    title
-        Of the document.
-    top
-        What the template wants above the sections.
+    head
+        What stands above the sections.
     sections
         In the order in which they stand.
     """
-    charts = list(_charts(sections))
-    models = [model for chart in charts for model in chart.models]
+    models = []
+    for chart in _charts(sections):
+        for k, model in enumerate(chart.models):
+            model.name = model.name or (f"{chart.key}-{k + 1}" if k else chart.key)
+            models.append(model)
     style = html.base_style(_HERE / "report.css")
     own = "\n".join(
         (html.script(name) if name != "report.js" else (_HERE / name).read_text("utf-8"))
@@ -42,8 +99,7 @@ def frame(title: str, top: dict[str, Any], sections: Sequence[Section]) -> str:
     bokeh = html.bokeh_script()
     page = html.environment(_HERE).get_template("report.html.jinja")
     return page.render(
-        **top,
-        title=title,
+        top=head,
         sections=sections,
         style=style,
         scripts=[bokeh, own],
