@@ -132,7 +132,7 @@ class LineChart extends Figure {
     if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
     const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
     const step = power * [1, 2, 5, 10].find((m) => m * power >= rough);
-    const wanted = [Math.floor(low / step) * step, Math.ceil(high / step) * step];
+    const wanted = [Math.floor(low / step + 1e-6) * step, Math.ceil(high / step - 1e-6) * step];
     const now = this.bounds;
     const fits = now && now[0] <= low && now[1] >= high && now[1] - now[0] <= 2.2 * (wanted[1] - wanted[0]);
     return fits ? null : (this.bounds = wanted);

@@ -204,7 +204,7 @@ class App {
   }
 
   _values() {
-    for (const chart of this.charts.values()) if (chart.seen) chart.tell(this.store, this.now(), this.lost || this.silent);
+    for (const chart of this.charts.values()) chart.tell(this.store, this.now(), this.lost || this.silent);
   }
 
   /** The strip about the connection: which of the two is lost, since when, and what is done. */
