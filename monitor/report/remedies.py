@@ -39,7 +39,7 @@ _REASONS: Final[dict[str, Remedy]] = {
     Reason.REFERENCE_NOT_TRUSTED: Remedy(
         "Satellite velocity, attitude or static pressure contradicted each other or another "
         "sensor.",
-        "Look at what they did at that time: receiver, antenna, jamming, static port.",
+        "Look at what was faulty then; else at receiver, antenna, jamming and static port.",
     ),
     Reason.MANOEUVRE: Remedy(
         "It turned faster than the model holds for (imu.max_rate_rad_s); judging went on soon "

@@ -31,11 +31,15 @@ def stream_rows(summary: Summary) -> list[list[str]]:
             _WHAT.get(s["sensor"], s["sensor"]),
             s["source"] or "–",
             f"{s['samples']:,}",
-            number(s["rate_hz"]),
+            _rate(s["rate_hz"]),
             f"{s['gaps']:,}" if s["gaps"] else "none",
         ]
         for s in summary["streams"]
     ]
+
+
+def _rate(rate_hz: float) -> str:
+    return f"{rate_hz:.1f}" if rate_hz >= 0.95 else number(rate_hz, 2)
 
 
 def rejections(summary: Summary) -> list[list[str]]:

@@ -103,7 +103,8 @@ def grouped(sensors: Iterable[str]) -> str:
     said = [f"{imu} {_axes(found)}" for imu, found in sorted(axes.items())]
     if len(wings) == 4:
         wings = ["both wings, lift and drag"]
-    return listed([*sorted(others), *said, *sorted(wings)])
+    named = [*sorted(others), *said, *sorted(wings)]
+    return "; ".join(named) if any("," in name for name in named) else listed(named)
 
 
 def _axes(axes: Sequence[str]) -> str:

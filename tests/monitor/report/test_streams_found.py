@@ -52,4 +52,4 @@ def test_rejections_are_explained_the_most_frequent_first() -> None:
 
 def test_streams_as_rows() -> None:
     flight = summary(streams=[stream("imu0", samples=12_680, rate_hz=39.9642, gaps=2)])
-    assert stream_rows(flight) == [["imu0", "X", "12,680", "40", "2"]]
+    assert stream_rows(flight) == [["imu0", "X", "12,680", "40.0", "2"]]

@@ -63,7 +63,7 @@ def test_many_spans_are_summed_up() -> None:
 def test_axes_of_an_imu_stand_together() -> None:
     axes = [f"imu0.{kind}_{axis}" for kind in ("acc", "gyro") for axis in "xyz"]
     assert grouped(axes) == "imu0 (all six axes)"
-    assert grouped(["imu1.gyro_z", "airspeed0", "imu1.acc_x"]) == "airspeed0 and imu1 acc x, gyro z"
+    assert grouped(["imu1.gyro_z", "airspeed0", "imu1.acc_x"]) == "airspeed0; imu1 acc x, gyro z"
     wings = [f"wing_{side}.{part}" for side in ("left", "right") for part in ("lift", "drag")]
     assert grouped(wings) == "both wings, lift and drag"
     assert grouped(wings[:1]) == "wing_left.lift"

@@ -1,0 +1,146 @@
+"""Section: airspeed, angles and wind of the whole flight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monitor.pages import palette
+from monitor.pages.charts import TimeChart, time_chart
+from monitor.report.panels import Derived, banded, instances, shade_faults, shaded_words, stacked
+from monitor.report.section import Chart, Part, Section
+from monitor.report.wording import listed
+
+if TYPE_CHECKING:
+    from bokeh.models import Range1d
+
+    from monitor.pages.charts import Curve
+    from monitor.report.flight import Flight
+
+__all__ = ["section"]
+
+UNKNOWN_M_S = 4.0
+"""A wind known no better than this is not drawn: its band would be all there is to see [m/s]."""
+
+
+def section(flight: Flight, axis: Range1d) -> Section | None:
+    """Airspeeds against the reconstruction, angles against vanes, the wind; None without any."""
+    pitots, vanes = instances(flight, "airspeed"), instances(flight, "aoa")
+    parts: list[Part] = [
+        *_speeds(flight, axis, pitots),
+        *_angles(flight, axis, vanes),
+        *_wind(flight, axis, vanes),
+    ]
+    if not parts:
+        return None
+    lead = (
+        "What the air did, out of satellite velocity, attitude and the sensors that agree. "
+        "Airspeed and angles are of the moment, gusts included; the wind is the mean wind."
+    )
+    return Section("air", "Air data and wind", lead, parts)
+
+
+def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
+    cas = time_chart(axis, "calibrated airspeed", "m/s", height=240)
+    for tone, sensor in zip(palette.MORE, pitots, strict=False):
+        cas.line(flight.measured(sensor), sensor, tone, width=1.2)
+    mean = flight.estimate("air", "cas_m_s")
+    cas.line(mean, "reconstructed", palette.RECONSTRUCTED, width=1.2)
+    cas.deviation(mean, flight.estimate("air", "cas_std_m_s"))
+    over = time_chart(axis, "speed", "m/s")
+    over.line(flight.estimate("air", "tas_m_s"), "true airspeed", palette.RECONSTRUCTED)
+    over.line(flight.measured("gps0.speed"), "ground speed (gps0)", palette.REFERENCE)
+    charts = stacked([cas, over])
+    if not charts:
+        return []
+    shade_faults(charts, flight)
+    against = f"{listed(pitots)} against the reconstruction" if pitots else "No pitot in this log"
+    return [
+        Chart(
+            "air-speed",
+            charts,
+            f"{against}; below it true airspeed and speed over ground."
+            f"{shaded_words(flight.summary)}",
+            f"Time chart. {against}, with its 2-sigma band; true airspeed and ground speed.",
+        )
+    ]
+
+
+def _angles(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
+    aoa = time_chart(axis, "angle of attack", "rad")
+    for tone, sensor in zip(palette.MORE, vanes, strict=False):
+        aoa.line(flight.measured(sensor), sensor, tone, width=1.2)
+    _estimated(aoa, flight, "aoa_rad", "aoa_std_rad")
+    slip = time_chart(axis, "sideslip", "rad", height=160)
+    _estimated(slip, flight, "ssa_rad", "ssa_std_rad")
+    charts = stacked([aoa, slip])
+    if not charts:
+        return []
+    shade_faults(charts, flight)
+    against = (
+        f"{listed(vanes)} against the reconstruction"
+        if vanes
+        else "No vane in this log: the angles are those of the reconstruction alone"
+    )
+    return [
+        Chart(
+            "air-angles",
+            charts,
+            f"{against}. Sideslip is positive with the wind from the right.",
+            f"Time chart of angle of attack and sideslip in degrees. {against}.",
+        )
+    ]
+
+
+def _estimated(chart: TimeChart, flight: Flight, value: str, std: str) -> None:
+    mean = flight.estimate("air", value)
+    chart.line(mean, "reconstructed", palette.RECONSTRUCTED, width=1.2)
+    chart.deviation(mean, flight.estimate("air", std))
+
+
+def _wind(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
+    names = ["north", "east", *(["down"] if vanes else [])]
+    level = time_chart(axis, "wind toward", "m/s")
+    shown = []
+    for name, tone in zip(names, palette.AXES, strict=False):
+        mean = flight.estimate("air", f"wind_{name}_m_s")
+        std = flight.estimate("air", f"wind_{name}_std_m_s")
+        if mean is None or std is None:
+            continue
+        known = _where_known(mean, std)
+        banded(level, known, std, name, tone)
+        shown.append(known)
+    if not level.legend:
+        return []
+    shade_faults([level], flight)
+    last = _last_wind(shown)
+    unseen = "" if vanes else " Without vanes the vertical wind cannot be observed."
+    return [
+        Chart(
+            "air-wind",
+            level,
+            f"The way the air moves, each line with its 2-sigma band, from when it is known to "
+            f"{UNKNOWN_M_S:.0f} m/s (1σ).{unseen}{last}",
+            f"Time chart of the wind's components {listed(names)}.{last}",
+        )
+    ]
+
+
+def _where_known(mean: Curve, std: Curve) -> Derived:
+    known = std.high <= UNKNOWN_M_S
+    low, high = (np.where(known, values, np.nan) for values in (mean.low, mean.high))
+    return Derived(mean.t_s, low, high, mean.unit)
+
+
+def _last_wind(shown: list[Derived]) -> str:
+    """The last wind as people say it: where it comes from."""
+    if len(shown) < 2:
+        return ""
+    north, east = shown[0].low, shown[1].low
+    known = np.flatnonzero(np.isfinite(north) & np.isfinite(east))
+    if not known.size:
+        return ""
+    n, e = float(north[known[-1]]), float(east[known[-1]])
+    from_deg = np.degrees(np.arctan2(-e, -n)) % 360.0
+    return f" At the end it came from {from_deg:.0f}° at {np.hypot(n, e):.1f} m/s."

@@ -1,0 +1,87 @@
+"""Section: engine speeds against the reconstruction, throttle, power."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from monitor.pages import palette
+from monitor.pages.charts import TimeChart, time_chart
+from monitor.report.panels import Derived, instances, shade_faults, shaded_words, stacked
+from monitor.report.section import Chart, Section
+from monitor.report.wording import listed
+from monitor.verdict import N_SHAFTS
+
+if TYPE_CHECKING:
+    from bokeh.models import Range1d
+
+    from monitor.report.flight import Flight
+
+__all__ = ["section"]
+
+
+def section(flight: Flight, axis: Range1d) -> Section | None:
+    """Speeds, throttle and climb power; None without any of them."""
+    channels = instances(flight, "spool")
+    charts = stacked(
+        [_speeds(flight, axis, channels), _throttle(flight, axis), _power(flight, axis)]
+    )
+    if not charts:
+        return None
+    shade_faults(charts, flight)
+    modelled = any(
+        flight.estimate("engine", f"speed_{k + 1}_rpm") is not None for k in range(N_SHAFTS)
+    )
+    if not channels:
+        said = "No engine speed in this log; throttle and power are watched without it."
+    elif modelled:
+        said = f"{listed(channels)} against the engine's model, with its 2-sigma band."
+    else:
+        said = (
+            f"{listed(channels)} without a model of the engine: only a dead or a stuck channel is "
+            "found (mavsentry learn engine)."
+        )
+    return Section(
+        "engine",
+        "Engine",
+        said,
+        [
+            Chart(
+                "engine-speeds",
+                charts,
+                "Climb power is the climb rate that engine and drag together would have given at "
+                "constant airspeed: it falls below zero when the engine gives none."
+                f"{shaded_words(flight.summary)}",
+                f"Time charts of the engine. {said}",
+            )
+        ],
+    )
+
+
+def _speeds(flight: Flight, axis: Range1d, channels: list[str]) -> TimeChart:
+    chart = time_chart(axis, "engine speed", "rpm", height=240)
+    for k, sensor in enumerate(channels):
+        tone = palette.MORE[k % len(palette.MORE)]
+        chart.line(flight.measured(sensor), sensor, tone, width=1.2)
+    for k in range(N_SHAFTS):
+        mean = flight.estimate("engine", f"speed_{k + 1}_rpm")
+        name = "reconstructed" if k == 0 else f"reconstructed, shaft {k}"
+        chart.line(mean, name, palette.RECONSTRUCTED, width=1.2)
+        chart.deviation(mean, flight.estimate("engine", f"speed_{k + 1}_std_rpm"))
+    chart.legend = list(dict.fromkeys(chart.legend))
+    return chart
+
+
+def _throttle(flight: Flight, axis: Range1d) -> TimeChart:
+    chart = time_chart(axis, "throttle", "%", height=150, y_bounds=(0.0, 100.0))
+    share = flight.estimate("engine", "throttle")
+    if share is not None:
+        chart.line(Derived.scaled(share, 100.0, "%"), "throttle", palette.REFERENCE)
+    return chart
+
+
+def _power(flight: Flight, axis: Range1d) -> TimeChart:
+    chart = time_chart(axis, "climb power", "m/s", height=160)
+    chart.line(flight.estimate("engine", "climb_power_m_s"), "climb power", palette.MORE[3])
+    if chart.legend:
+        chart.threshold(0.0, name="none left")
+    return chart

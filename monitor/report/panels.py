@@ -1,0 +1,141 @@
+"""What the panels of the whole flight share: shaded faults, derived curves, captions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from links.vocabulary import State
+from monitor.pages import palette
+from monitor.pages.charts import LegendEntry
+from monitor.report.wording import clock, listed
+
+if TYPE_CHECKING:
+    from monitor.pages.charts import Curve, TimeChart
+    from monitor.report.flight import Flight
+
+__all__ = [
+    "Derived",
+    "banded",
+    "fault_spans",
+    "instances",
+    "shade_faults",
+    "shaded_words",
+    "stacked",
+]
+
+Floats = NDArray[np.floating[Any]]
+
+APART_S = 1.0
+"""Faults closer than this share a shade [s]."""
+NAMED = 3
+ONE_BAND = LegendEntry("2σ of each", palette.BAND, "band")
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A curve computed from others; fields as of :class:`monitor.pages.charts.Curve`."""
+
+    t_s: Floats
+    low: Floats
+    high: Floats
+    unit: str
+
+    @classmethod
+    def scaled(cls, curve: Curve, factor: float, unit: str) -> Derived:
+        """Another curve in another unit; the factor is positive."""
+        return cls(curve.t_s, factor * curve.low, factor * curve.high, unit)
+
+
+def instances(flight: Flight, quantity: str) -> list[str]:
+    """Sensors of a quantity that sent something: ``instances(flight, "imu") == ["imu0", "imu1"]``.
+
+    Those that were absent all the time are left out.
+    """
+    absent = {
+        m["sensor"].partition(".")[0]
+        for m in flight.summary["monitored"]
+        if not m["seconds"] and {s["reason"] for s in m["unmonitored"]} == {str(State.ABSENT)}
+    }
+    sent = {
+        s["sensor"]
+        for s in flight.summary["streams"]
+        if s["sensor"].rstrip("0123456789") == quantity and s["samples"]
+    }
+    return sorted(sent - absent, key=lambda s: int(s.removeprefix(quantity)))
+
+
+def fault_spans(summary: Mapping[str, Any], duration_s: float) -> list[tuple[State, float, float]]:
+    """When any sensor was faulty or an engine stopped: (state, from, to), joined where they meet.
+
+    From the onset until it was cleared, or the end of the log.
+    """
+    found = [(State.FAULTY, f["onset_s"], f["cleared_s"]) for f in summary["faults"]]
+    found += [(State.STOPPED, e["onset_s"], e["ended_s"]) for e in summary["events"]]
+    out: list[tuple[State, float, float]] = []
+    for state in (State.FAULTY, State.STOPPED):
+        spans = sorted((a, duration_s if b is None else b) for s, a, b in found if s is state)
+        joined: list[tuple[float, float]] = []
+        for a, b in spans:
+            if joined and a <= joined[-1][1] + APART_S:
+                joined[-1] = joined[-1][0], max(b, joined[-1][1])
+            else:
+                joined.append((a, b))
+        out += [(state, a, b) for a, b in joined]
+    return out
+
+
+def shade_faults(charts: Iterable[TimeChart], flight: Flight) -> None:
+    """Shade every fault and event of the flight in all charts."""
+    spans = fault_spans(flight.summary, flight.duration_s)
+    for chart in charts:
+        for state, from_s, to_s in spans:
+            chart.shade(from_s, to_s, state)
+
+
+def shaded_words(summary: Mapping[str, Any]) -> str:
+    """What the shades are, for a caption: ``Shaded: imu0.acc_x faulty from 2:19 to 3:30.``"""
+    said = [
+        f"{f['sensor']} faulty {_when(f['onset_s'], f['cleared_s'])}" for f in summary["faults"]
+    ] + [f"{e['what']} {e['state']} {_when(e['onset_s'], e['ended_s'])}" for e in summary["events"]]
+    if not said:
+        return ""
+    rest = len(said) - NAMED
+    named = said[:NAMED] + ([f"{rest} more"] if rest > 0 else [])
+    return f" Shaded: {listed(named)}."
+
+
+def _when(from_s: float, to_s: float | None) -> str:
+    return f"from {clock(from_s)} " + ("to the end" if to_s is None else f"to {clock(to_s)}")
+
+
+def banded(
+    chart: TimeChart, mean: Curve | None, std: Curve | None, name: str, tone: palette.Tone
+) -> None:
+    """Draw one of several lines with its 2-sigma band; one entry for all the bands."""
+    if mean is None:
+        return
+    chart.deviation(mean, std, ONE_BAND.name, tone)
+    own = LegendEntry(ONE_BAND.name, tone, "band")
+    if own in chart.legend:
+        chart.legend.remove(own)
+        if ONE_BAND not in chart.legend:
+            chart.legend.append(ONE_BAND)
+    chart.line(mean, name, tone)
+
+
+def stacked(charts: Sequence[TimeChart]) -> list[TimeChart]:
+    """Those charts in which something is drawn, as one picture.
+
+    They share their time axis: tools stand above the first, the axis' name below the last.
+    """
+    shown = [chart for chart in charts if chart.legend]
+    for chart in shown[1:]:
+        chart.figure.toolbar_location = None
+    for chart in shown[:-1]:
+        chart.figure.xaxis[0].axis_label = None
+    return shown

@@ -1,0 +1,94 @@
+"""Section: lift lost and drag gained by each wing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from monitor.pages import palette
+from monitor.pages.charts import TimeChart, time_chart
+from monitor.report.panels import Derived, banded, shade_faults, shaded_words, stacked
+from monitor.report.section import Chart, Section
+
+if TYPE_CHECKING:
+    from bokeh.models import Range1d
+
+    from monitor.report.flight import Flight
+
+__all__ = ["section"]
+
+EVERY_ROW: Final = 200_000
+"""More points than a flight of a day has rows, so that differences are of single rows."""
+ROWS_SHOWN: Final = 2_400
+"""A difference moves slowly: of more rows than this, every second, third ... is drawn."""
+
+
+class _Force(NamedTuple):
+    """One of the two forces, as the estimates and the charts name it."""
+
+    column: str
+    change: str
+    limit_percent: float
+
+
+def section(flight: Flight, axis: Range1d) -> Section | None:
+    """What the wings lost and gained, and the difference that is judged; None without it."""
+    settings = flight.settings.wing
+    forces = (
+        _Force("lift", "lift lost", settings.lift_percent),
+        _Force("drag", "drag gained", settings.drag_percent),
+    )
+    charts = stacked(
+        [make(flight, axis, force) for force in forces for make in (_difference, _each)]
+    )
+    if not charts:
+        return None
+    shade_faults(charts, flight)
+    lead = (
+        "A wing is judged by how much more it lost or gained than the other one. What both have in "
+        "common is hardly observable, because wrong coefficients look the same: the wide bands of "
+        "the single wings say so."
+    )
+    return Section(
+        "wing",
+        "Wings",
+        lead,
+        [
+            Chart(
+                "wing-forces",
+                charts,
+                "First the difference right less left, then each wing, in percent of the whole "
+                "wing's lift and drag. Positive is a right wing that is worse; the dashed lines "
+                "are the least difference called damage." + shaded_words(flight.summary),
+                "Time charts of lift lost and drag gained: the difference between the wings with "
+                "its limits, and each wing with its 2-sigma band.",
+            )
+        ],
+    )
+
+
+def _difference(flight: Flight, axis: Range1d, force: _Force) -> TimeChart:
+    chart = time_chart(axis, f"{force.change}, r − l", "%")
+    columns = f"right_{force.column}_percent", f"left_{force.column}_percent"
+    right, left = (flight.estimate("wing", name, points=EVERY_ROW) for name in columns)
+    std = flight.estimate("wing", f"{force.column}_apart_std_percent", points=EVERY_ROW)
+    if right is None or left is None or std is None:
+        return chart
+    step = -(-len(right) // ROWS_SHOWN)
+    every = slice(None, None, step)
+    apart = (right.middle - left.middle)[every]
+    mean = Derived(right.t_s[every], apart, apart, "%")
+    chart.deviation(mean, Derived(mean.t_s, std.high[every], std.high[every], "%"))
+    chart.line(mean, "right less left", palette.RECONSTRUCTED)
+    if chart.legend:
+        limit = force.limit_percent
+        chart.threshold(-limit, limit, name="least damage")
+    return chart
+
+
+def _each(flight: Flight, axis: Range1d, force: _Force) -> TimeChart:
+    chart = time_chart(axis, force.change, "%", height=160)
+    for side, tone in zip(("right", "left"), palette.MORE, strict=False):
+        mean = flight.estimate("wing", f"{side}_{force.column}_percent")
+        std = flight.estimate("wing", f"{side}_{force.column}_std_percent")
+        banded(chart, mean, std, f"{side} wing", tone)
+    return chart
