@@ -6,9 +6,6 @@ through: it admits the one style sheet and the one script of this folder by thei
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import math
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +17,8 @@ from monitor.fleet.doubts import WHY
 from monitor.fleet.figures import CLEAN_FLIGHTS, Group, doubts_of, figures
 from monitor.fleet.places import Place
 from monitor.fleet.task import code_version
+from monitor.pages import html
+from monitor.pages.units import quantity
 
 __all__ = ["PAGE", "write_page"]
 
@@ -55,27 +54,19 @@ def write_page(place: Place, tables: Tables, key: str) -> None:
 
 def rendered(shown: Mapping[str, Any]) -> str:
     """The page as HTML, from what :func:`monitor.fleet.figures.figures` gives."""
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_HERE),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    environment = html.environment(_HERE)
     environment.filters |= {
-        "count": lambda count: f"{count:,}",
         "hours": _hours,
         "percent": _percent,
         "size": _size,
-        "seconds": _seconds,
+        "seconds": html.clock,
         "doubts": doubts_of,
         "full_scale": _full_scale,
         "step": lambda share: sum(share > least for least in STEPS),
         "address": quote,
     }
-    style, script = (_HERE.joinpath(name).read_text("utf-8") for name in (_STYLE, _SCRIPT))
+    style = html.base_style(_HERE / _STYLE)
+    script = _HERE.joinpath(_SCRIPT).read_text("utf-8")
     return environment.get_template(_TEMPLATE).render(
         shown,
         written=datetime.now(UTC),
@@ -83,15 +74,9 @@ def rendered(shown: Mapping[str, Any]) -> str:
         why=WHY,
         clean_flights=CLEAN_FLIGHTS,
         style=style,
-        style_digest=_digest(style),
         script=script,
-        script_digest=_digest(script),
+        policy=html.content_security_policy([style], [script]),
     )
-
-
-def _digest(text: str) -> str:
-    """As a content security policy wants it."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _full_scale(groups: Iterable[Group]) -> int:
@@ -112,20 +97,6 @@ def _percent(share: float) -> str:
     return f"{percent:.{digits}f}"
 
 
-def _seconds(seconds: float | None) -> str:
-    """Seconds from the start as minutes and seconds."""
-    if seconds is None:
-        return "–"
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
-
-
 def _size(fault: Mapping[str, Any]) -> str:
     """How large a fault is; angles in degrees."""
-    if fault["magnitude"] is None:
-        return "–"
-    value, unit = float(fault["magnitude"]), str(fault["unit"] or "")
-    if unit.startswith("rad"):
-        value, unit = math.degrees(value), unit.replace("rad", "deg")
-    return f"{value:+.3g} {unit}".strip()
+    return quantity(fault["magnitude"], fault["unit"], sign=True)
