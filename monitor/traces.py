@@ -5,7 +5,8 @@ time, the extremes of each quantity, so that no peak is lost however coarsely it
 They leave as tables named ``measured_<sensor>``, beside the estimates and in the same form:
 ``t_us`` is the time of the first sample within the tenth, ``acc_x_low_m_s2`` and
 ``acc_x_high_m_s2`` are the extremes. Directions (``course``, ``heading``) and positions have no
-extremes: they are those of the first sample. What no sample told is NaN.
+extremes: they are those of the first sample. What no sample told is NaN. Values are 32-bit floats,
+nearer to the sample than any sensor is to the truth; positions have 64 bits.
 
 A tenth is closed by the first row of a later one, so where a stream is cut changes nothing.
 """
@@ -83,8 +84,9 @@ _FIELDS: Final[Mapping[str, tuple[_Field, ...]]] = {
 def _dtype(fields: tuple[_Field, ...]) -> np.dtype[np.void]:
     columns: list[tuple[str, str] | tuple[str, str, tuple[int]]] = [("t_us", "<i8")]
     for field in fields:
+        kind = "<f8" if field in _POSITION else "<f4"
         for part in field.parts():
-            columns.append((part, "<f8") if field.size == 1 else (part, "<f8", (field.size,)))
+            columns.append((part, kind) if field.size == 1 else (part, kind, (field.size,)))
     return np.dtype(columns)
 
 
@@ -166,14 +168,14 @@ class _Buckets:
 
     def add(self, t_us: Ints, values: Floats) -> Rows | None:
         """Use samples in time order, values (k, n); return the rows that they closed, if any."""
-        values += 0.0  # of -0.0 and 0.0 the lesser depends on which comes first
         number = t_us // BUCKET_US
         begin = np.concatenate(([0], np.flatnonzero(number[1:] != number[:-1]) + 1))
         new = _Some(
             number[begin],
             t_us[begin],
-            np.fmin.reduceat(values, begin, axis=1),
-            np.fmax.reduceat(values, begin, axis=1),
+            # + 0.0: which of -0.0 and 0.0 is the lesser depends on their order
+            np.fmin.reduceat(values, begin, axis=1) + 0.0,
+            np.fmax.reduceat(values, begin, axis=1) + 0.0,
             values[:, begin],
         )
         standing, self._open = self._open, None

@@ -255,7 +255,8 @@ class Flight:
         self, table: str, columns: tuple[str, str], from_us: int, to_us: int
     ) -> Iterator[Piece]:
         pieces = self.tables.read(table, ("t_us", *columns), from_us, to_us)
-        return ((t_us, low, high) for t_us, low, high in pieces)
+        for t_us, low, high in pieces:
+            yield t_us, low.astype(np.float64, copy=False), high.astype(np.float64, copy=False)
 
     def _us(self, t_s: float | None, otherwise_s: float) -> int:
         return self.first_us + round((otherwise_s if t_s is None else t_s) * 1e6)
