@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["section"]
 
+FAR = 2.5
+"""A reading that makes the chart so many times as high as the reconstruction needs is far off."""
 UNKNOWN_M_S = 4.0
 """A wind known no better than this is not drawn: its band would be all there is to see [m/s]."""
 
@@ -43,28 +45,54 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
 
 def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
     cas = time_chart(axis, "calibrated airspeed", "m/s", height=240)
-    for tone, sensor in zip(palette.MORE, pitots, strict=False):
-        cas.line(flight.measured(sensor), sensor, tone, width=1.2)
-    mean = flight.estimate("air", "cas_m_s")
-    cas.line(mean, "reconstructed", palette.RECONSTRUCTED, width=1.2)
-    cas.deviation(mean, flight.estimate("air", "cas_std_m_s"))
+    _draw_speeds(cas, flight, pitots)
+    around = _around(flight, pitots)
+    near = time_chart(axis, "the same, near", "m/s", height=220, y_range=around)
+    if around is not None:
+        _draw_speeds(near, flight, pitots)
     over = time_chart(axis, "speed", "m/s")
     over.line(flight.estimate("air", "tas_m_s"), "true airspeed", palette.RECONSTRUCTED)
     over.line(flight.measured("gps0.speed"), "ground speed (gps0)", palette.REFERENCE)
-    charts = stacked([cas, over])
+    charts = stacked([cas, near, over])
     if not charts:
         return []
     shade_faults(charts, flight)
     against = f"{listed(pitots)} against the reconstruction" if pitots else "No pitot in this log"
+    closer = "; the same again near the reconstruction" if around is not None else ""
     return [
         Chart(
             "air-speed",
             charts,
-            f"{against}; below it true airspeed and speed over ground."
+            f"{against}{closer}; below it true airspeed and speed over ground."
             f"{shaded_words(flight.summary)}",
             f"Time chart. {against}, with its 2-sigma band; true airspeed and ground speed.",
         )
     ]
+
+
+def _draw_speeds(chart: TimeChart, flight: Flight, pitots: list[str]) -> None:
+    for tone, sensor in zip(palette.MORE, pitots, strict=False):
+        chart.line(flight.measured(sensor), sensor, tone, width=1.2)
+    mean = flight.estimate("air", "cas_m_s")
+    chart.line(mean, "reconstructed", palette.RECONSTRUCTED, width=1.2)
+    chart.deviation(mean, flight.estimate("air", "cas_std_m_s"))
+
+
+def _around(flight: Flight, pitots: list[str]) -> Range1d | None:
+    """Range about the reconstruction, where readings far from it leave it no room; else None."""
+    from bokeh.models import Range1d
+
+    mean, std = flight.estimate("air", "cas_m_s"), flight.estimate("air", "cas_std_m_s")
+    if mean is None or std is None or not np.isfinite(mean.low).any():
+        return None
+    least = float(np.nanmin(mean.low - 2.0 * std.high))
+    most = float(np.nanmax(mean.high + 2.0 * std.high))
+    shown = [c for c in map(flight.measured, pitots) if c is not None]
+    all_most = max([most, *(float(np.nanmax(c.high)) for c in shown)])
+    if all_most - least < FAR * (most - least):
+        return None
+    room = 0.15 * (most - least)
+    return Range1d(max(least - room, 0.0), most + room)
 
 
 def _angles(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:

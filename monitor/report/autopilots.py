@@ -31,6 +31,8 @@ __all__ = ["section"]
 
 LINES: Final = 300
 """Rows of the table, and lines of the autopilot, that are shown."""
+CHECKED: Final = ("imu", "airspeed")
+"""What the autopilots' checks look at."""
 GRAVE: Final = 4
 """MAVLink's severity up to which a line is a warning."""
 
@@ -72,7 +74,11 @@ def _chart(flight: Flight, axis: Range1d, verdicts: Sequence[Judged]) -> Chart:
     texts = flight.summary["baselines"]["autopilot_said"]
     spoken = bool(texts)
     judges = JUDGES if spoken else JUDGES[:-1]
-    rows = [f"{name} {_SHORT[judge]}" for name in instruments for judge in judges]
+    rows = [
+        f"{name} {_SHORT[judge]}"
+        for name in instruments
+        for judge in (judges if name.startswith(CHECKED) else JUDGES[:1])
+    ]
     bars = []
     for v in verdicts:
         tone, hatch = _TONES[v.judge]

@@ -21,13 +21,12 @@ __all__ = ["section"]
 
 def section(flight: Flight, axis: Range1d) -> Section | None:
     """Speeds, throttle and climb power; None without any of them."""
-    channels = instances(flight, "spool")
-    charts = stacked(
-        [_speeds(flight, axis, channels), _throttle(flight, axis), _power(flight, axis)]
-    )
+    speeds, throttle, power = (make(flight, axis) for make in (_speeds, _throttle, _power))
+    charts = stacked([speeds, throttle, power])
     if not charts:
         return None
     shade_faults(charts, flight)
+    channels = instances(flight, "spool")
     modelled = any(
         flight.estimate("engine", f"speed_{k + 1}_rpm") is not None for k in range(N_SHAFTS)
     )
@@ -48,18 +47,26 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
             Chart(
                 "engine-speeds",
                 charts,
-                "Climb power is the climb rate that engine and drag together would have given at "
-                "constant airspeed: it falls below zero when the engine gives none."
-                f"{shaded_words(flight.summary)}",
+                f"{_caption(power)}{shaded_words(flight.summary)}",
                 f"Time charts of the engine. {said}",
             )
         ],
     )
 
 
-def _speeds(flight: Flight, axis: Range1d, channels: list[str]) -> TimeChart:
+def _caption(power: TimeChart) -> str:
+    said = "Throttle as its servo output commands it."
+    if power.legend:
+        said += (
+            " Climb power is the climb rate that engine and drag together would have given at "
+            "constant airspeed: it falls below zero when the engine gives none."
+        )
+    return said
+
+
+def _speeds(flight: Flight, axis: Range1d) -> TimeChart:
     chart = time_chart(axis, "engine speed", "rpm", height=240)
-    for k, sensor in enumerate(channels):
+    for k, sensor in enumerate(instances(flight, "spool")):
         tone = palette.MORE[k % len(palette.MORE)]
         chart.line(flight.measured(sensor), sensor, tone, width=1.2)
     for k in range(N_SHAFTS):
@@ -73,7 +80,7 @@ def _speeds(flight: Flight, axis: Range1d, channels: list[str]) -> TimeChart:
 
 def _throttle(flight: Flight, axis: Range1d) -> TimeChart:
     chart = time_chart(axis, "throttle", "%", height=150, y_bounds=(0.0, 100.0))
-    share = flight.estimate("engine", "throttle")
+    share = flight.measured("throttle") or flight.estimate("engine", "throttle")
     if share is not None:
         chart.line(Derived.scaled(share, 100.0, "%"), "throttle", palette.REFERENCE)
     return chart

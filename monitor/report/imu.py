@@ -33,8 +33,9 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
             Chart(
                 f"imu-{imu}",
                 charts,
-                f"{imu}: reconstructed error of each axis with its 2-sigma band. Beyond the dashed "
-                f"lines an error is large enough to be called a fault."
+                f"{imu}: reconstructed error of each axis with its 2-sigma band. The dashed lines "
+                f"are the least change that is called a fault; an offset from the start is a "
+                f"turn-on bias, and none."
                 f"{shaded_words(flight.summary)}",
                 f"Time charts of {imu}: errors of the three accelerometers and the three gyros.",
             )
@@ -43,8 +44,7 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
         return None
     lead = (
         "By how much each axis was off, as reconstructed from satellite velocity, static pressure, "
-        "attitude and the other IMUs. An axis in order stays near zero: turn-on biases and slow "
-        "drift are no faults."
+        "attitude and the other IMUs. An axis in order stays where it began, but for a slow drift."
     )
     return Section("imu", "IMU errors", lead, parts)
 
@@ -63,4 +63,4 @@ def _axes(
         std = flight.estimate(imu, f"{kind}_{axis}_fault_std_{end}")
         banded(chart, mean, std, axis, tone)
     if chart.legend:
-        chart.threshold(-size, size, name="least that is a fault", unit=unit)
+        chart.threshold(-size, size, name="least change that is a fault", unit=unit)
