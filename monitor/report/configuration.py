@@ -1,4 +1,4 @@
-"""Section: with what configuration the flight was judged, and what a daemon said in flight."""
+"""Section: with what configuration the flight was judged."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from monitor.report.configuration_found import (
     Key,
     changed_keys,
     learnt_from,
-    live_lines,
     thresholds,
 )
 from monitor.report.section import Column, Fold, Listing, Part, Section, Table, Text
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
     from monitor.report.flight import Flight
 
-__all__ = ["live", "section"]
+__all__ = ["section"]
 
 _KEY_COLUMNS = (
     Column("key"),
@@ -76,26 +75,3 @@ def _table(caption: str, keys: Sequence[Key]) -> Table:
         for key in keys
     ]
     return Table(caption, _KEY_COLUMNS, rows)
-
-
-def live(flight: Flight, axis: Range1d) -> Section | None:
-    """What a monitor said in flight beside this analysis; None where none was heard."""
-    heard = flight.summary.get("live")
-    if heard is None:
-        return None
-    sentences, rows = live_lines(heard)
-    parts: list[Part] = [Text(words) for words in sentences]
-    if rows:
-        columns = [
-            Column("sensor"),
-            Column("said in flight"),
-            Column("this analysis"),
-            Column("live was"),
-            Column("its words", long=True),
-        ]
-        parts.append(Table("Live beside replay", columns, rows))
-    lead = (
-        "A monitor ran during the flight and its words stand in the log. It is later than this "
-        "analysis by its time horizon and the way of its words into the log."
-    )
-    return Section("live", "Said in flight", lead, parts)

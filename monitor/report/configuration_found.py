@@ -1,4 +1,4 @@
-"""With what settings a flight was judged: changed keys, thresholds in force, live beside replay."""
+"""With what settings a flight was judged: changed keys, thresholds in force, what was learnt."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pydantic import BaseModel
 
 from monitor.columns import unit_of
 from monitor.learn.rules import RULES
-from monitor.report.wording import clock, count, lasting, moments
+from monitor.report.wording import count
 from monitor.settings import Settings, load
 
-__all__ = ["Key", "changed_keys", "described", "learnt_from", "live_lines", "thresholds"]
+__all__ = ["Key", "changed_keys", "described", "learnt_from", "thresholds"]
 
 _BRACKETS = re.compile(r"\s*\[([^\]]{1,24})\]")
 _UNITS = {"1/min": "rpm", "1": "", "count": "", "logarithm": "ln", "m/s^2": "m/s²"}
@@ -158,47 +158,3 @@ def learnt_from(settings: Settings, learnt: Mapping[str, Any] | None) -> list[st
     if note:
         lines.append(f"{note[0].upper()}{note[1:]}.")
     return lines
-
-
-def live_lines(live: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
-    """What a monitor said in flight: a sentence per monitor, and the rows of the comparison.
-
-    Columns: sensor, live (said, cleared), replay (named, cleared), how far live was behind, the
-    words in flight.
-    """
-    sentences = []
-    for monitor in live["monitors"]:
-        own = [f for f in live["faults"] if f["component_id"] == monitor["component_id"]]
-        silences = [(s["from_s"], s["to_s"]) for s in monitor["silent"]]
-        silent = f", silent {moments(silences)}" if silences else ""
-        said = "" if own else "; it said of no fault"
-        sentences.append(
-            f"Component {monitor['component_id']} was heard from {clock(monitor['from_s'])} to "
-            f"{clock(monitor['to_s'])} ({count(monitor['words'], 'word')}){silent}{said}."
-        )
-    rows = [
-        [
-            f["sensor"],
-            _from_to(f["live_s"], f["live_cleared_s"], f["standing"]),
-            _from_to(f["replay_s"], f["replay_cleared_s"]),
-            _behind(f),
-            f["said"] or "–",
-        ]
-        for f in live["faults"]
-    ]
-    return sentences, rows
-
-
-def _from_to(from_s: float | None, to_s: float | None, standing: bool = False) -> str:
-    if from_s is None:
-        return "not said"
-    until = "to the end" if to_s is None else f"to {clock(to_s, 1)}"
-    return f"{'before ' if standing else ''}{clock(from_s, 1)} {until}"
-
-
-def _behind(fault: Mapping[str, Any]) -> str:
-    delay_s = fault["delay_s"]
-    if delay_s is None:
-        words = {"not heard": "nothing was heard then", "both": "stood already"}
-        return words.get(fault["agreement"], str(fault["agreement"]))
-    return f"{lasting(abs(delay_s))} {'earlier' if delay_s < 0 else 'later'}"

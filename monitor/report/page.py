@@ -31,7 +31,9 @@ _ORDER: Final = (
     "wing",
     "track",
     "autopilots",
+    "live",
     "streams",
+    "rejected",
     "coverage",
     "configuration",
 )

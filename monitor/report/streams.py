@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from monitor.pages import palette
 from monitor.pages.charts import LegendEntry
 from monitor.report.rows import Bar, Mark, rows_figure
 from monitor.report.section import Chart, Column, Part, Section, Table, Text
-from monitor.report.streams_found import damage, recorded, rejections, stream_rows
+from monitor.report.streams_found import damage, recorded, stream_rows
 from monitor.report.wording import clock, count, lasting
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from monitor.report.flight import Flight
 
-__all__ = ["rejected", "section"]
+__all__ = ["section"]
 
 SHOWN_S = 0.5
 """Shorter gaps are told in words only [s]."""
@@ -87,21 +87,3 @@ def _chart(flight: Flight, axis: Range1d) -> Chart | None:
         f"Timeline of the recording: {said}.",
         more_legend=legend,
     )
-
-
-def rejected(flight: Flight, axis: Range1d) -> Section | None:
-    """What was not used, by sensor and reason."""
-    summary: dict[str, Any] = flight.summary
-    rows = rejections(summary)
-    parts: list[Part]
-    if rows:
-        columns = [
-            Column("sensor"),
-            Column("reason"),
-            Column("times", number=True),
-            Column("which means", long=True),
-        ]
-        parts = [Table("Not used", columns, rows)]
-    else:
-        parts = [Text("Nothing was rejected: every message that arrived was used.")]
-    return Section("rejected", "Rejected", "", parts)
