@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from monitor.pages import html
-from monitor.report import timeline
+from monitor.report import (
+    air,
+    autopilots,
+    configuration,
+    coverage,
+    engine,
+    evidence,
+    imu,
+    live,
+    rejected,
+    streams,
+    timeline,
+    track,
+    wing,
+)
 from monitor.report.section import Chart, Fold, Part, Section
 from monitor.report.verdict_sentence import Top, top
 
 if TYPE_CHECKING:
-    from bokeh.models import Model, Range1d
+    from bokeh.models import Model
 
     from monitor.report.flight import Flight
 
@@ -24,20 +36,20 @@ __all__ = ["REPORT", "render", "write_report"]
 REPORT: Final = "report.html"
 _HERE = Path(__file__).parent
 _ORDER: Final = (
-    "evidence",
-    "air",
-    "imu",
-    "engine",
-    "wing",
-    "track",
-    "autopilots",
-    "live",
-    "streams",
-    "rejected",
-    "coverage",
-    "configuration",
+    timeline,
+    evidence,
+    air,
+    imu,
+    engine,
+    wing,
+    track,
+    autopilots,
+    live,
+    streams,
+    rejected,
+    coverage,
+    configuration,
 )
-"""Modules of this package, each with ``section(flight, axis)``."""
 _SCRIPTS: Final = ("theme.js", "charts.js", "report.js")
 
 
@@ -52,7 +64,7 @@ def render(flight: Flight) -> str:
     from bokeh.models import Range1d
 
     axis = Range1d(0.0, max(flight.duration_s, 1.0), bounds="auto")
-    sections = [timeline.section(flight, axis), *_sections(flight, axis)]
+    sections = (part.section(flight, axis) for part in _ORDER)
     return frame(top(flight), [section for section in sections if section is not None])
 
 
@@ -69,13 +81,6 @@ def write_report(folder: Path, flight: Flight) -> Path:
     path = folder / REPORT
     write_file(path, render(flight))
     return path
-
-
-def _sections(flight: Flight, axis: Range1d) -> Iterator[Section | None]:
-    """Evidence of each fault and event, then the panels."""
-    for name in _ORDER:
-        if importlib.util.find_spec(f"monitor.report.{name}") is not None:
-            yield importlib.import_module(f"monitor.report.{name}").section(flight, axis)
 
 
 def frame(head: Top, sections: Sequence[Section]) -> str:
