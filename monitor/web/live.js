@@ -3,13 +3,15 @@
 
 const PROTOCOL = 1;
 const QUIET_MS = 4000;     // no frame for so long: the connection is dead, whatever the browser thinks
+const READY_MS = 30000;    // a daemon that compiles its kernels has nothing to say for a while
 const FIRST_MS = 500, LONGEST_MS = 10000;
 const SHOW_MS = 250;
+const LONGEST_S = 300;     // the longest window; no more is remembered
 
 /** A WebSocket that is opened anew for ever: waits double up to ten seconds, each one by chance. */
 class Connection {
   constructor(address, heard, changed) {
-    Object.assign(this, { address, heard, changed, failures: 0, open: false, reason: "", heard_ms: 0 });
+    Object.assign(this, { address, heard, changed, failures: 0, open: false, accepted: false, reason: "", heard_ms: 0 });
     setInterval(() => this._watch(), 1000);
     addEventListener("online", () => this.hurry());
     document.addEventListener("visibilitychange", () => { if (!document.hidden) this.hurry(); });
@@ -22,6 +24,8 @@ class Connection {
   _connect() {
     const socket = this.socket = new WebSocket(this.address);
     this.heard_ms = performance.now();
+    this.accepted = false;
+    socket.onopen = () => { this.accepted = true; this.changed(); };
     socket.onmessage = ({ data }) => {
       if (socket !== this.socket) return;
       this.heard_ms = performance.now();
@@ -35,7 +39,7 @@ class Connection {
   _lost(reason) {
     const { socket } = this;
     this.socket = null;
-    this.open = false;
+    this.open = this.accepted = false;
     this.reason = reason;
     socket.close();
     const wait_ms = Math.min(LONGEST_MS, FIRST_MS * 2 ** this.failures) * (0.5 + Math.random());
@@ -44,7 +48,10 @@ class Connection {
     this.changed();
   }
 
-  _watch() { if (this.socket && performance.now() - this.heard_ms > QUIET_MS) this._lost("it no longer answers"); }
+  _watch() {
+    const limit_ms = this.open ? QUIET_MS : READY_MS;
+    if (this.socket && performance.now() - this.heard_ms > limit_ms) this._lost("it no longer answers");
+  }
 }
 
 /** Everything the page knows, and the parts that show it. */
@@ -107,7 +114,7 @@ class App {
     if (hello.run !== this.run) {
       this.forget();
       this.run = hello.run;
-      this.store.clear(Math.min(8192, Math.ceil(1.2 * hello.history_s * hello.rate_hz) + 64));
+      this.store.clear(Math.min(8192, Math.ceil(1.2 * LONGEST_S * hello.rate_hz) + 64));
     }
     this.hello = hello;
     this.flying = hello.flying;
@@ -150,7 +157,7 @@ class App {
     for (const [sensor, standings] of Object.entries(changes)) {
       if (!standings.length) continue;
       this.standing.set(sensor, standings.at(-1));
-      if (standings.at(-1).state !== "absent") this.timeline.take(sensor, standings, t_s - 330);
+      if (standings.at(-1).state !== "absent") this.timeline.take(sensor, standings, t_s - LONGEST_S - 30);
     }
   }
 
@@ -183,7 +190,7 @@ class App {
     this.banner.speak(aloud + digest.said || (this.hello ? "No fault." : ""));
     this._sound(digest.lines.filter(({ state }) => state === "faulty" || state === "stopped"), lost && Boolean(this.hello));
     Object.assign(this, { lost, silent, digest });
-    document.documentElement.dataset.link = lost ? "lost" : silent ? "silent" : "live";
+    document.documentElement.dataset.link = lost ? (this.hello ? "lost" : "opening") : silent ? "silent" : "live";
     if (document.hidden || this.shown) return;
     this.shown = setTimeout(() => { this.shown = null; requestAnimationFrame(() => this.show()); }, SHOW_MS);
   }
@@ -215,15 +222,16 @@ class App {
     if (lost) {
       const since = this.heard_at ? ` The last frame came at ${this.heard_at.toLocaleTimeString()}; all that is shown is of then.` : "";
       const why = this.connection.reason ? ` (${this.connection.reason})` : "";
-      tell(byId("connection-words"), hello || this.connection.failures
-        ? `No connection to mavsentry${why}.${since} Trying again.` : "Connecting to mavsentry …");
+      tell(byId("connection-words"), this.connection.accepted ? `mavsentry is getting ready: it has nothing to say yet.${since}`
+        : hello || this.connection.failures ? `No connection to mavsentry${why}.${since} Trying again.`
+        : "Connecting to mavsentry …");
     } else if (silent) {
       const never = !link || link.silent_s === null;
       tell(byId("connection-words"), never
         ? `Waiting for the vehicle: nothing has been heard on ${hello?.source ?? "the link"} yet. mavsentry itself answers.`
         : `The vehicle is silent: nothing for ${ago(link.silent_s)}; all that is shown is of then. mavsentry itself answers.`);
     }
-    const state = lost ? "✕ no connection" : silent ? "… vehicle silent" : `● live, ${Math.round(this.rate())} Hz`;
+    const state = lost ? (this.connection.accepted ? "… getting ready" : "✕ no connection") : silent ? "… vehicle silent" : `● live, ${Math.round(this.rate())} Hz`;
     tell(byId("live"), state);
   }
 
@@ -287,7 +295,7 @@ const beep = (audio) => {
   }
 };
 
-/** Beside the page, with the token that the page was opened with. */
+/** Beside the page; a token, where one is needed, is in a cookie. */
 const address = () => {
   const url = new URL("live", location.href);
   url.protocol = location.protocol === "https:" ? "wss:" : "ws:";

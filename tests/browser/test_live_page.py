@@ -164,6 +164,35 @@ def test_a_frame_that_never_comes_is_noticed(daemon, visit):
     assert daemon.opened > came
 
 
+def test_a_daemon_that_gets_ready_is_not_lost(daemon, visit):
+    page = visit(daemon.address).page
+    waits(page, "document.getElementById('connection').textContent.includes('getting ready')")
+    assert "No connection" not in text(page, "#connection")
+    page.wait_for_timeout(5000)
+    assert daemon.opened == 1, "it was given up for lost"
+
+
+def test_a_hidden_tab_draws_nothing_and_still_tells(daemon, visit):
+    daemon.say(*until(50.0), *then(50.0, 51.0))
+    page = visit(daemon.address).page
+    waits(page, "app.made.get('airspeed')?.drawn_ms > 0")
+    page.evaluate(
+        "Object.defineProperty(document, 'hidden', { value: true, configurable: true });"
+        "document.dispatchEvent(new Event('visibilitychange'))"
+    )
+    page.wait_for_timeout(500)
+    before = page.evaluate("[app.painter.spent_ms, document.getElementById('clock').textContent]")
+    daemon.say(*then(51.0, FAULTY_S + 5.0))
+    waits(page, "document.title.startsWith('✕ airspeed0 faulty')")
+    page.wait_for_timeout(500)
+    after = page.evaluate("[app.painter.spent_ms, document.getElementById('clock').textContent]")
+    assert after == before
+    assert page.evaluate("app.store.t_s") == FAULTY_S + 5.0
+    page.evaluate("delete document.hidden; document.dispatchEvent(new Event('visibilitychange'))")
+    waits(page, "document.getElementById('clock').textContent === '1:15'")
+    waits(page, f"app.painter.spent_ms > {before[0]}")
+
+
 def test_keys_pause_and_change_the_window(daemon, visit):
     daemon.say(*until(60.0), *then(60.0, 61.0))
     page = visit(daemon.address).page
