@@ -164,8 +164,6 @@ class TimelineChart extends Figure {
 
   clear() {
     this.spans.clear();
-    this.sensors = [];
-    if (this.plot) this._rows();
   }
 
   /** Take new standings of a sensor; those that ended before the longest window are let go. */
@@ -174,8 +172,6 @@ class TimelineChart extends Figure {
     if (!spans) {
       spans = [];
       this.spans.set(sensor, spans);
-      this.sensors = [...this.spans.keys()].sort(bySensor);
-      if (this.plot) this._rows();
     }
     for (const one of standings) {
       const last = spans.at(-1);
@@ -184,18 +180,17 @@ class TimelineChart extends Figure {
     while (spans.length > 1 && spans[1].t_s < keep_from_s) spans.shift();
   }
 
-  async open() {
-    await super.open();
-    this._rows();
-  }
-
+  /** A row for each sensor; where there are as many as before it costs nothing. */
   _rows() {
+    if (this.sensors.length === this.spans.size && this.sensors.every((sensor) => this.spans.has(sensor))) return;
+    this.sensors = [...this.spans.keys()].sort(bySensor);
     this.plot.y_range.factors = [...this.sensors].reverse();
     this.plot.height = Math.max(2, this.sensors.length) * this.spec.row_px + this.spec.axis_px;
   }
 
   draw(store, view) {
     this.frame(view.window_s);
+    this._rows();
     const rows = new Map(this.spec.states.map((state) => [state, { sensor: [], left: [], right: [] }]));
     for (const [sensor, spans] of this.spans) {
       spans.forEach((one, i) => {

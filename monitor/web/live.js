@@ -157,7 +157,7 @@ class App {
     for (const [sensor, standings] of Object.entries(changes)) {
       if (!standings.length) continue;
       this.standing.set(sensor, standings.at(-1));
-      if (standings.at(-1).state !== "absent") this.timeline.take(sensor, standings, t_s - LONGEST_S - 30);
+      if (standings.at(-1).state !== "absent" || this.timeline.spans.has(sensor)) this.timeline.take(sensor, standings, t_s - LONGEST_S - 30);
     }
   }
 

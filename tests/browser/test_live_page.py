@@ -216,14 +216,25 @@ def test_pointing_tells_the_value_of_then(daemon, visit):
     visited = visit(daemon.address)
     page = visited.page
     waits(page, "app.made.get('airspeed')?.drawn_ms > 0")
-    page.evaluate("app.made.get('airspeed').point({ x: -50, event_name: 'mousemove' })")
-    then_read = FRAMES[int(50.0 * RATE_HZ)]["measured"]["airspeed0"]
-    shown = text(page, "#chart-airspeed .key li:nth-child(2) b")
-    assert float(shown) == pytest.approx(sum(then_read) / 2, abs=0.06)
-    assert "−0:50 (0:50)" in text(page, "#chart-airspeed .when")
     waits(page, "app.timeline.view")
-    page.evaluate("app.timeline.point({ x: -20, y: 4.5 })")
-    assert "airspeed0, −0:20 (1:20): faulty: 5.0 m/s low" in text(page, "#timeline-readout")
+    page.locator("#plot-airspeed").scroll_into_view_if_needed()
+    box = page.locator("#plot-airspeed").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
+    waits(page, "app.made.get('airspeed').at_s !== null")
+    at_s = page.evaluate("app.made.get('airspeed').at_s")
+    assert at_s == pytest.approx(-62.0, abs=6.0)
+    then_read = FRAMES[int((100.0 + at_s) * RATE_HZ)]["measured"]["airspeed0"]
+    shown = text(page, "#chart-airspeed .key li:nth-child(2) b")
+    assert float(shown) == pytest.approx(sum(then_read) / 2, abs=0.11)
+    assert text(page, "#chart-airspeed .when").startswith("−")
+    page.mouse.move(box["x"], 5)
+    waits(page, "app.made.get('airspeed').at_s === null")
+    page.locator("#plot-timeline").scroll_into_view_if_needed()
+    box = page.locator("#plot-timeline").bounding_box()
+    row = page.evaluate("app.timeline.sensors.indexOf('airspeed0')")
+    page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 6 + 16 * (row + 0.5))
+    waits(page, "document.getElementById('timeline-readout').textContent.includes('airspeed0')")
+    assert "faulty: 5.0 m/s low, drift: airspeed0 reads" in text(page, "#timeline-readout")
 
 
 @pytest.mark.parametrize(("dark", "phone"), [(True, False), (False, True), (True, True)])
