@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,21 @@ from monitor.settings import Settings, changed
 from monitor.traces import Traces
 from monitor.verdict import StepResult, Verdict
 
-__all__ = ["MISSING_REPORT_EXTRA", "Analysis", "analyze_into", "analyze_log"]
+__all__ = ["MISSING_REPORT_EXTRA", "Analysis", "analyze_into", "analyze_log", "have_report"]
 
-MISSING_REPORT_EXTRA = "`pip install mavsentry[report]` adds the estimates as Parquet files"
+MISSING_REPORT_EXTRA = (
+    "`pip install mavsentry[report]` adds report.html and the estimates as Parquet files"
+)
+REPORT_PACKAGES = ("bokeh", "jinja2", "pyarrow")
+REPORT = "report.html"
+ESTIMATES = "estimates"
 
 Progress = Callable[[int, int], None]
+
+
+def have_report() -> bool:
+    """Whether the ``report`` extra is installed."""
+    return all(find_spec(package) is not None for package in REPORT_PACKAGES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +58,7 @@ class Analysis:
     verdicts
         Every change of state of every sensor, in time order; the first 100,000.
     files
-        What was written, ``summary.json`` first.
+        What was written: ``summary.json`` first, then the report if there is one.
     """
 
     path: Path
@@ -62,7 +73,7 @@ class Analysis:
         found: list[dict[str, Any]] = self.summary["faults"]
         return found
 
-    def write(self, folder: Path, estimates: Mapping[str, Rows]) -> list[Path]:
+    def write(self, folder: Path, estimates: Mapping[str, Rows]) -> None:
         """Write ``summary.json`` and ``estimates/`` of a short flight that stands in memory.
 
         Raises
@@ -70,9 +81,36 @@ class Analysis:
         OSError
             The folder cannot be made or written.
         """
-        with EstimateFiles(folder / "estimates", _about(self.path, self.settings)) as files:
+        with EstimateFiles(folder / ESTIMATES, _about(self.path, self.settings)) as files:
             files.add(estimates)
-            return [_write_summary(self.summary, folder), *files.finish(_times(self.summary))]
+            written = files.finish(_times(self.summary))
+        self.files[:] = [_write_summary(self.summary, folder), *written]
+
+    def write_report(self, folder: Path, estimates: Path | Mapping[str, Rows]) -> Path:
+        """Write ``report.html`` (needs the ``report`` extra).
+
+        Parameters
+        ----------
+        folder
+            Where it goes.
+        estimates
+            The folder of Parquet files that :func:`analyze_into` wrote, or the rows themselves.
+
+        Raises
+        ------
+        OSError
+            It cannot be written, or an estimate not be read.
+        """
+        from monitor.report import write_report
+        from monitor.report.flight import Flight
+        from monitor.report.tables import MemoryTables, ParquetTables
+
+        tables = (
+            ParquetTables(estimates) if isinstance(estimates, Path) else MemoryTables(estimates)
+        )
+        file = write_report(folder, Flight(self.summary, self.settings, self.verdicts, tables))
+        self.files.insert(1, file)
+        return file
 
 
 def analyze_log(
@@ -151,7 +189,8 @@ def analyze_into(
 
     The estimates are Parquet files where the ``report`` extra is installed, and CSV files with
     ``csv``. They are written while the log is read; a log that turns out to be unusable leaves
-    nothing behind, and an earlier analysis in the folder as it was. ``summary.json`` comes last.
+    nothing behind, and an earlier analysis in the folder as it was. ``summary.json`` comes last;
+    the report of an earlier analysis is removed before, it would speak of another one.
 
     Raises
     ------
@@ -160,7 +199,7 @@ def analyze_into(
     OSError
         The folder cannot be made or written.
     """
-    with EstimateFiles(folder / "estimates", _about(path, settings), csv=csv) as files:
+    with EstimateFiles(folder / ESTIMATES, _about(path, settings), csv=csv) as files:
         analysis = analyze_log(path, settings, progress, files)
         written = files.finish(_times(analysis.summary))
     analysis.files.extend([_write_summary(analysis.summary, folder), *written])
@@ -169,6 +208,7 @@ def analyze_into(
 
 def _write_summary(content: Mapping[str, Any], folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / REPORT).unlink(missing_ok=True)
     file = folder / "summary.json"
     unfinished = folder / "summary.json.unfinished"
     try:

@@ -19,8 +19,8 @@ WIDE = 105
 """Columns of a screen from which on the evidence has a place in the table."""
 
 
-def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
-    """The flight in one line, the faults as a table, what was not judged, the file."""
+def show(summary: Mapping[str, Any], files: list[Path]) -> None:
+    """The flight in one line, the faults as a table, what was not judged, summary and report."""
     from monitor.baselines import one_line
 
     log, vehicle = summary["log"], summary["vehicle"]
@@ -59,7 +59,8 @@ def show(summary: Mapping[str, Any], files: Sequence[Path]) -> None:
     if learnt is not None and learnt["note"] is not None:
         screen.print(f"  note: {learnt['note']}", soft_wrap=True)
     screen.print(f"  {one_line(summary['baselines'])}", soft_wrap=True)
-    screen.print(f"  {files[0]}", soft_wrap=True, markup=False)
+    for file in files[:1] + [file for file in files[1:] if file.suffix == ".html"]:
+        screen.print(f"  {file}", soft_wrap=True, markup=False)
 
 
 def _table(faults: Sequence[Mapping[str, Any]], *, evidence: bool) -> Table:

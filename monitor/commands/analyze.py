@@ -42,6 +42,7 @@ class Task:
     folder: Path
     settings: Settings
     csv: bool
+    report: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +54,9 @@ class Outcome:
     summary
         ``summary.json``; None where the log could not be used.
     files
-        What was written, ``summary.json`` first.
+        What was written: ``summary.json`` first, then the report.
     why
-        One sentence on why it could not be used.
+        One sentence on why it could not be used, or why it has no report.
     unwritable
         The reason lies in the folder and not in the log.
     """
@@ -70,9 +71,9 @@ def analyze(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Log files of flights.")],
     profile: Profile = None,
     config: ConfigFile = None,
-    out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for DIR/<log stem>/summary.json.")
-    ] = Path("mavsentry-out"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for DIR/<log stem>/.")] = Path(
+        "mavsentry-out"
+    ),
     csv: Annotated[bool, typer.Option("--csv", help="Write the estimates as CSV as well.")] = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="End with 1 when a fault was found.")
@@ -81,21 +82,24 @@ def analyze(
         int | None,
         typer.Option(min=1, metavar="N", help="Logs at once; as many as cores by default."),
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report/--no-report", help="Write DIR/<log stem>/report.html.")
+    ] = True,
 ) -> None:
     """Say what was faulty in recorded flights, since when, and why.
 
     Of several logs all are processed; the status is 2 if one of them was unusable.
     """
     from estimators.jit import is_cold
-    from monitor.analyze import MISSING_REPORT_EXTRA
+    from monitor.analyze import MISSING_REPORT_EXTRA, have_report
     from monitor.commands.analysis_shown import show
-    from monitor.estimate_files import have_parquet
     from monitor.warmup import COMPILING, warm_up
 
     settings = load_settings(profile, config)
     logs = list({log.resolve(): log for log in reversed(logs)}.values())[::-1]
     folders = _folders(logs, out)
-    tasks = [Task(*pair, settings, csv) for pair in zip(logs, folders, strict=True)]
+    report = report and have_report()
+    tasks = [Task(*pair, settings, csv, report) for pair in zip(logs, folders, strict=True)]
     jobs = min(jobs or _jobs(logs), len(logs))
     if is_cold():
         note(COMPILING)
@@ -105,13 +109,13 @@ def analyze(
     for outcome in _outcomes(tasks, jobs):
         if outcome.unwritable:
             raise Refused(outcome.why)
-        if outcome.summary is None:
+        if outcome.summary is not None:
+            show(outcome.summary, outcome.files)
+            found = found or bool(outcome.summary["faults"])
+        if outcome.why:
             note(f"mavsentry: {outcome.why}")
             unusable = True
-            continue
-        show(outcome.summary, outcome.files)
-        found = found or bool(outcome.summary["faults"])
-    if not have_parquet() and not csv:
+    if not have_report():
         note(f"mavsentry: summary.json only: {MISSING_REPORT_EXTRA}, --csv as text")
     if unusable:
         raise typer.Exit(UNUSABLE)
@@ -140,7 +144,7 @@ def _outcomes(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
 def _analyze(task: Task, tell: Tell) -> Outcome:
     """One log; whatever is wrong with it becomes a sentence."""
     from links.logs import LogError
-    from monitor.analyze import analyze_into
+    from monitor.analyze import ESTIMATES, analyze_into
 
     try:
         analysis = analyze_into(
@@ -155,7 +159,16 @@ def _analyze(task: Task, tell: Tell) -> Outcome:
         return Outcome(why=f"{task.log}: not enough memory")
     except Exception as error:  # a mistake of ours must not cost the other logs
         return Outcome(why=f"{task.log}: {_mistake(error)}")
-    return Outcome(analysis.summary, analysis.files)
+    why = ""
+    if task.report:
+        try:
+            analysis.write_report(task.folder, task.folder / ESTIMATES)
+        except OSError as error:
+            why = f"cannot write to {task.folder}: {error.strerror or error}"
+            return Outcome(why=why, unwritable=True)
+        except Exception as error:  # nor the verdicts on this one
+            why = f"{task.log} has no report: {_mistake(error)}"
+    return Outcome(analysis.summary, analysis.files, why)
 
 
 def _mistake(error: Exception) -> str:

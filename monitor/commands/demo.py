@@ -28,6 +28,7 @@ def demo(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise Refused(f"cannot make {out}: {error.strerror}") from None
+    from monitor.analyze import REPORT, have_report
     from monitor.commands.trial import try_out
     from monitor.commands.trial_table import judge, outcome_table
 
@@ -55,12 +56,17 @@ def demo(
             f"Answers left {latency['median_ms']:.1f} ms (median) and {latency['p99_ms']:.1f} ms "
             "(99 %) after the oldest datagram they rest on arrived."
         )
-    trial.analysis.write(out / trial.recording.stem, trial.estimates)
+    folder = out / trial.recording.stem
+    trial.analysis.write(folder, trial.estimates)
+    if have_report():
+        trial.analysis.write_report(folder, trial.estimates)
     (out / "injected_found.json").write_text(
         json.dumps([{"injected": i, "found": f} for i, f in outcome.rows], indent=1) + "\n",
         encoding="utf-8",
     )
-    screen.print(f"Written: {out / trial.recording.stem / 'summary.json'}", soft_wrap=True)
+    report = (folder / REPORT,) if have_report() else ()
+    for k, file in enumerate((*report, folder / "summary.json")):
+        screen.print(f"{'' if k else 'Written:':8} {file}", soft_wrap=True)
     screen.print(f"         {trial.recording}, {out / 'truth.json'}", soft_wrap=True)
     if not outcome.good:
         raise typer.Exit(FAILED)

@@ -97,7 +97,7 @@ class Flight:
     first_us
         Vehicle time of the log's first record, zero of all ``_s`` [us].
     duration_s
-        Of the log, or until its last estimate where vehicle time went further [s].
+        Of the log, or until its last row where vehicle time went further [s].
     """
 
     def __init__(
@@ -113,8 +113,9 @@ class Flight:
         self.tables = tables
         self.first_us = int(summary["log"]["first_t_us"] or 0)
         last_us = max((v.t_us for v in verdicts), default=self.first_us)
+        last_us = max(last_us, tables.until_us() or last_us)
         self.duration_s = max(
-            float(summary["log"]["duration_s"] or 0.0), (last_us - self.first_us) / 1e6, 0.0
+            float(summary["log"]["duration_s"] or 0.0), (last_us - self.first_us) / 1e6
         )
         self._interval_us = cache(self._measured_interval_us)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from links.samples import Rows
 from monitor.columns import flat
 from monitor.estimate_files import ROWS_AT_ONCE
+
+if TYPE_CHECKING:
+    import pyarrow.parquet as pq
 
 __all__ = ["MemoryTables", "ParquetTables", "Tables"]
 
@@ -31,6 +34,10 @@ class Tables(Protocol):
 
     def columns(self, name: str) -> list[str]:
         """Columns of a table, ``t_us`` first; none if there is no such table."""
+        ...
+
+    def until_us(self) -> int | None:
+        """Time of the last row of all tables [us]; None if there is none."""
         ...
 
     def read(
@@ -65,6 +72,11 @@ class MemoryTables:
     def columns(self, name: str) -> list[str]:
         """Columns of a table, ``t_us`` first; none if there is no such table."""
         return list(self._columns.get(name, ()))
+
+    def until_us(self) -> int | None:
+        """Time of the last row of all tables [us]; None if there is none."""
+        ends = (int(c["t_us"][-1]) for c in self._columns.values() if len(c["t_us"]))
+        return max(ends, default=None)
 
     def read(
         self, name: str, columns: Sequence[str], from_us: int, to_us: int
@@ -104,6 +116,17 @@ class ParquetTables:
             self._known[name] = list(pq.read_schema(file).names) if file.is_file() else []
         return self._known[name]
 
+    def until_us(self) -> int | None:
+        """Time of the last row of all tables [us]; None if there is none."""
+        ends = []
+        for name in self.names():
+            with self._open(name) as file:
+                last = file.num_row_groups - 1
+                told = _times(file, last) if last >= 0 else None
+            if told is not None:
+                ends.append(told[1])
+        return max(ends, default=None)
+
     def read(
         self, name: str, columns: Sequence[str], from_us: int, to_us: int
     ) -> Iterator[tuple[Column, ...]]:
@@ -112,17 +135,22 @@ class ParquetTables:
         for column in columns:
             if column not in known:
                 raise KeyError(column)
-        import pyarrow.parquet as pq
-
-        with pq.ParquetFile(self._folder / f"{name}.parquet", memory_map=False) as file:
-            place = file.schema_arrow.get_field_index("t_us")
+        with self._open(name) as file:
             for group in range(file.num_row_groups):
-                told = file.metadata.row_group(group).column(place).statistics
-                if (
-                    told is not None
-                    and told.has_min_max
-                    and (told.max < from_us or told.min > to_us)
-                ):
+                told = _times(file, group)
+                if told is not None and (told[1] < from_us or told[0] > to_us):
                     continue
                 piece = file.read_row_group(group, columns=list(dict.fromkeys(columns)))
                 yield tuple(piece[column].to_numpy() for column in columns)
+
+    def _open(self, name: str) -> pq.ParquetFile:
+        import pyarrow.parquet as pq
+
+        return pq.ParquetFile(self._folder / f"{name}.parquet")
+
+
+def _times(file: pq.ParquetFile, group: int) -> tuple[int, int] | None:
+    """First and last time of a row group [us]; None if the file does not say."""
+    column = file.schema_arrow.get_field_index("t_us")
+    told = file.metadata.row_group(group).column(column).statistics
+    return (told.min, told.max) if told is not None and told.has_min_max else None
