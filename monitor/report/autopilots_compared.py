@@ -143,6 +143,11 @@ def sentences(summary: Summary) -> list[str]:
     verdicts = judged(summary)
     faults = summary["faults"]
     judges = _present(summary)
+    if not verdicts and not _judged_any(summary):
+        return [
+            "No airspeed sensor and no IMU was judged in this log, and the autopilots' checks "
+            "found nothing either."
+        ]
     if not verdicts:
         return [
             "Nobody found anything: neither mavsentry nor the checks of ArduPilot and PX4"
@@ -164,6 +169,13 @@ def sentences(summary: Summary) -> list[str]:
             "samples of this log."
         )
     return lines
+
+
+def _judged_any(summary: Summary) -> bool:
+    return any(
+        m["seconds"] > 0.0 and m["sensor"].startswith(("imu", "airspeed"))
+        for m in summary["monitored"]
+    )
 
 
 def _present(summary: Summary) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from links.vocabulary import Reason
 from monitor.report.coverage_found import fine, flown_s, missing, ordinary, unjudged, unseen
-from monitor.report.remedies import remedy
+from monitor.report.remedies import NOT_FLOWN, remedy
 from monitor.report.section import Column, Part, Section, Table, Text
 from monitor.report.wording import clock, grouped, lasting, listed, moments
 
@@ -63,7 +63,8 @@ def _fine(summary: Summary) -> list[Part]:
 def _unjudged(summary: Summary) -> list[Part]:
     rows = []
     for u in unjudged(summary):
-        meaning, action = remedy(u.reason, u.sensors[0])
+        on_ground = u.reason == Reason.ON_GROUND
+        meaning, action = NOT_FLOWN if on_ground else remedy(u.reason, u.sensors[0])
         rows.append(
             [
                 grouped(u.sensors),

@@ -143,15 +143,24 @@ def unjudged(summary: Summary) -> list[Unjudged]:
     """What could not be judged, without the reasons of every flight; the longest first.
 
     Spans of one sensor and reason stand together, and so do sensors with the same spans. What
-    lasted less than :data:`LEAST_S` is left out.
+    lasted less than :data:`LEAST_S` is left out. A sensor that was never judged stands here even
+    if it only stood on the ground.
     """
-    found = [u for u in _grouped(summary) if u.reason not in ORDINARY and u.seconds >= LEAST_S]
+    judged = {m["sensor"] for m in summary["monitored"] if m["seconds"] > 0.0}
+    found = [
+        u
+        for u in _grouped(summary)
+        if u.seconds >= LEAST_S and (u.reason not in ORDINARY or judged.isdisjoint(u.sensors))
+    ]
     return sorted(found, key=lambda u: (u.reason == State.ABSENT, -u.seconds, u.sensors))
 
 
 def ordinary(summary: Summary) -> list[Unjudged]:
-    """What was not judged on the ground and while learning; in order of time."""
-    found = [u for u in _grouped(summary) if u.reason in ORDINARY]
+    """What was not judged on the ground and while learning, and was later; in order of time."""
+    judged = {m["sensor"] for m in summary["monitored"] if m["seconds"] > 0.0}
+    found = [
+        u for u in _grouped(summary) if u.reason in ORDINARY and not judged.isdisjoint(u.sensors)
+    ]
     return sorted(found, key=lambda u: (u.reason != Reason.ON_GROUND, u.times[0], u.sensors))
 
 

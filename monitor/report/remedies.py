@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from links.vocabulary import Reason, Rejection, State
 
-__all__ = ["ORDINARY", "REJECTED", "Remedy", "remedy"]
+__all__ = ["NOT_FLOWN", "ORDINARY", "REJECTED", "Remedy", "remedy"]
 
 
 class Remedy(NamedTuple):
@@ -130,6 +130,13 @@ REJECTED: Final[dict[str, str]] = {
     Rejection.OVERFLOW: "More waited than there is room for.",
 }
 """Reason of a rejection -> what it means."""
+
+
+NOT_FLOWN: Final = Remedy(
+    "The aircraft was not seen to fly, and sensors are judged in flight.",
+    "If it did fly, see that satellite velocity or airspeed is in the log: they tell.",
+)
+"""Of a sensor that was taken to stand on the ground all the time."""
 
 
 def remedy(reason: str, sensor: str) -> Remedy:

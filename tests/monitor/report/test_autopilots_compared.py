@@ -73,6 +73,11 @@ def test_silence_is_said_of_those_who_could_speak() -> None:
     assert sentences(spoken)[0].endswith("and the autopilot announced nothing of the kind.")
 
 
+def test_where_nothing_was_judged_nobody_is_praised() -> None:
+    flight = summary(monitored=[])
+    assert sentences(flight)[0].startswith("No airspeed sensor and no IMU was judged")
+
+
 def test_a_flight_without_a_fault_in_which_another_cried() -> None:
     flight = summary(baselines={"px4": [said("airspeed0", 50.0)], "lanes_lost_s": 30.2})
     lines = sentences(flight)

@@ -80,6 +80,15 @@ def test_what_could_not_be_judged_stands_together() -> None:
     assert ordinary(flight) == []
 
 
+def test_what_never_left_the_ground_was_not_checked() -> None:
+    ground = span(2.0, 300.0, "on ground")
+    base = summary()
+    flight = base | {"monitored": [watched("imu0.acc_x", 0.0, ground), watched("gps0", 300.0)]}
+    assert [(u.sensors, u.reason) for u in unjudged(flight)] == [(("imu0.acc_x",), "on ground")]
+    assert ordinary(flight) == []
+    assert "on ground" not in [u.reason for u in unjudged(base)]
+
+
 def test_ground_and_learning_stand_apart() -> None:
     assert [(u.reason, u.sensors) for u in ordinary(summary())] == [
         ("on ground", ("airspeed0", "imu0.acc_x", "imu0.gyro_z")),
