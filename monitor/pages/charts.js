@@ -17,6 +17,19 @@ const Charts = (() => {
       return this.format === "00:00:00" ? ticks.map(clock) : usual.call(this, ticks, options);
     };
   };
+  // What Bokeh builds beside its canvases takes the page's colours too; each view has a shadow root of its own.
+  const dress = (module, view, css) => {
+    const { prototype } = Bokeh.require(module)[view];
+    const usual = prototype.stylesheets;
+    prototype.stylesheets = function () { return [...usual.call(this), css]; };
+  };
+  const dressAll = () => {
+    dress("models/tools/toolbar", "ToolbarView", ".bk-divider { background-color: var(--line) !important; }");
+    dress("models/ui/tooltip", "TooltipView", `
+      :host { --tooltip-color: var(--paper); --tooltip-text: var(--ink); --tooltip-border: var(--soft);
+        --tooltip-arrow-color: var(--soft); max-width: min(26rem, 90vw); padding: 6px 9px; border-radius: 4px; opacity: 1; }
+      .bk-tooltip-row-label { color: var(--soft); white-space: nowrap; padding-right: 6px; vertical-align: top; }`);
+  };
   // Under a finger a chart is part of the page: dragging scrolls, until the pan tool is switched on.
   const letScroll = (model) => {
     for (const one of model.references?.() ?? [model]) {
@@ -27,6 +40,7 @@ const Charts = (() => {
   // Makes the charts of one document: {doc: Bokeh's JSON}; each element with data-root shows that root.
   const open = async (json) => {
     shortenTimes();
+    dressAll();
     const { Document } = Bokeh.require("document");
     const doc = Document.from_json(json);
     Theme.follow(doc);

@@ -29,7 +29,7 @@ BAND_ALPHA: Final = 0.28
 SHADE_ALPHA: Final = 0.16
 HEIGHT: Final = 190
 """Of a chart, its axis included [px]."""
-LEFT: Final = 62
+LEFT: Final = 70
 """Room for numbers and label on the left [px]: the same everywhere, so that charts align."""
 SECONDS: Final = "00:00:00"
 """Format of the time axes; ``charts.js`` writes it as m:ss."""
@@ -264,7 +264,13 @@ class TimeChart:
         source = _source(**columns)
         seen = self.figure.line("t", HOVERED, source=source, line_alpha=0.0)
         self.figure.add_tools(
-            HoverTool(renderers=[seen], tooltips=tooltips, mode="vline", attachment="horizontal")
+            HoverTool(
+                renderers=[seen],
+                tooltips=tooltips,
+                mode="vline",
+                attachment="horizontal",
+                visible=False,
+            )
         )
 
 

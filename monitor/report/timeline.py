@@ -145,9 +145,10 @@ def _chart(flight: Flight, axis: Range1d, order: Sequence[str]) -> Chart:
     drawn = [_bars(made, flight, order, state, hrefs) for state in states]
     made.add_tools(
         HoverTool(
-            renderers=drawn,
+            renderers=[_rows(made, flight, order)],
             tooltips=[("", "@sensor: @said"), ("", "@when"), ("", "@why")],
             attachment="vertical",
+            visible=False,
         )
     )
     _lead_to_evidence(
@@ -170,6 +171,24 @@ def _has(spans: Iterable[Span], state: State) -> bool:
     return any(span.state is state for span in spans)
 
 
+def _rows(made: Figure, flight: Flight, order: Sequence[str]) -> Any:
+    """What stands under the pointer: each span as high as its row, unseen."""
+    from bokeh.models import ColumnDataSource
+
+    spans = [(sensor, span) for sensor in order for span in flight.spans[sensor]]
+    source = ColumnDataSource(
+        {
+            "sensor": [sensor for sensor, _ in spans],
+            "from": [round(span.from_s, 2) for _, span in spans],
+            "to": [round(span.to_s, 2) for _, span in spans],
+            "said": [_said(span) for _, span in spans],
+            "when": [_when(span) for _, span in spans],
+            "why": [_why(span) for _, span in spans],
+        }
+    )
+    return made.hbar("sensor", left="from", right="to", height=1.0, source=source, alpha=0.0)
+
+
 def _bars(
     made: Figure,
     flight: Flight,
@@ -183,25 +202,22 @@ def _bars(
 
     look = LOOKS[state]
     spans = [(sensor, s) for sensor in order for s in flight.spans[sensor] if s.state is state]
-    source = ColumnDataSource(
-        {
-            "sensor": [sensor for sensor, _ in spans],
-            "from": [round(span.from_s, 2) for _, span in spans],
-            "to": [round(span.to_s, 2) for _, span in spans],
-            "said": [_said(span) for _, span in spans],
-            "when": [_when(span) for _, span in spans],
-            "why": [_why(span) for _, span in spans],
-            "href": [
-                hrefs.get((sensor, round(span.from_s, 2)), "#sensors") for sensor, span in spans
-            ],
-        }
-    )
+    columns: dict[str, list[Any]] = {
+        "sensor": [sensor for sensor, _ in spans],
+        "from": [round(span.from_s, 2) for _, span in spans],
+        "to": [round(span.to_s, 2) for _, span in spans],
+    }
+    if state in _LOUD:
+        columns["href"] = [
+            hrefs.get((n, at), "#sensors")
+            for n, at in zip(columns["sensor"], columns["from"], strict=True)
+        ]
     bars = made.hbar(
         y="sensor",
         left="from",
         right="to",
         height=look.height * 0.86,
-        source=source,
+        source=ColumnDataSource(columns),
         fill_color=look.tone.light,
         line_color=look.tone.light,
         line_width=2 if state in _LOUD else 0.5,

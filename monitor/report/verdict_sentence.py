@@ -171,8 +171,9 @@ def _doubted(flight: Flight) -> list[str]:
 def _besides(flight: Flight, judged: Sequence[str]) -> Iterable[str]:
     summary = flight.summary
     faulty = {fault["sensor"] for fault in summary["faults"]}
-    if len(summary["faults"]) == 1:
-        yield _sentence(summary["faults"][0]["evidence"])
+    found = [*summary["faults"], *summary["events"]]
+    if len(found) == 1:
+        yield _sentence(found[0]["evidence"])
     healthy = [sensor for sensor in judged if sensor not in faulty]
     if (faulty or summary["events"]) and healthy:
         yield _sentence(f"no fault was found in the other {_sensors(len(healthy))} judged")
