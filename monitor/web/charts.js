@@ -54,15 +54,17 @@ class Figure {
     this.drawn_ms = -Infinity;
   }
 
-  /** Put the axis where the window is. */
-  frame(window_s) {
-    if (this.window_s === window_s) return;
-    this.window_s = window_s;
+  /** Put the axis where the window is; its end is called `now` only while it is. */
+  frame({ window_s, end }) {
+    if (this.window_s === window_s && this.end === end) return;
+    Object.assign(this, { window_s, end });
+    const [axis] = this.plot.below;
+    axis.major_label_overrides = new Map([...axis.major_label_overrides].map(([at, word]) => [at, Number(at) === 0 ? end : word]));
     this.plot.x_range.setv({ start: -window_s, end: 0 });
     const step = window_s <= 60 ? 10 : window_s <= 120 ? 30 : 60;
     const ticks = [];
     for (let t = -window_s; t <= 0; t += step) ticks.push(t);
-    this.plot.below[0].ticker.ticks = ticks;
+    axis.ticker.ticks = ticks;
   }
 }
 
@@ -95,7 +97,7 @@ class LineChart extends Figure {
   }
 
   draw(store, view) {
-    this.frame(view.window_s);
+    this.frame(view);
     const buckets = Math.min(400, Math.max(60, Math.round(this.target.clientWidth / BUCKET_PX)));
     const got = drawn(store, this.spec.series, view.to_s, view.window_s, buckets);
     const range = this.spec.log ? this._decades(got) : this._nice(got);
@@ -189,7 +191,7 @@ class TimelineChart extends Figure {
   }
 
   draw(store, view) {
-    this.frame(view.window_s);
+    this.frame(view);
     this._rows();
     const rows = new Map(this.spec.states.map((state) => [state, { sensor: [], left: [], right: [] }]));
     for (const [sensor, spans] of this.spans) {

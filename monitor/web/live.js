@@ -90,8 +90,11 @@ class App {
     this.charts.clear();
   }
 
-  /** Where the window ends, and how long it is. */
-  now() { return { window_s: this.view.window_s, to_s: this.view.paused_s ?? this.store.t_s }; }
+  /** Where the window ends, how long it is, and what its end is called. */
+  now() {
+    const { window_s, paused_s } = this.view;
+    return { window_s, to_s: paused_s ?? this.store.t_s, end: paused_s !== null ? "paused" : this.lost || this.silent ? "last" : "now" };
+  }
 
   /** Frames per second over the last seconds. */
   rate() {
@@ -189,6 +192,7 @@ class App {
     const aloud = lost ? (this.hello ? "No connection to the daemon. What is shown is old. " : "") : silent && this.link ? "The vehicle is silent. What is shown is old. " : "";
     this.banner.speak(aloud + digest.said || (this.hello ? "No fault." : ""));
     this._sound(digest.lines.filter(({ state }) => state === "faulty" || state === "stopped"), lost && Boolean(this.hello));
+    if (lost !== this.lost || silent !== this.silent) this.painter.ask();
     Object.assign(this, { lost, silent, digest });
     document.documentElement.dataset.link = lost ? (this.hello ? "lost" : "opening") : silent ? "silent" : "live";
     if (document.hidden || this.shown) return;
