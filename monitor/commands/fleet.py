@@ -19,6 +19,7 @@ from monitor.commands.common import (
     note,
     progress,
 )
+from monitor.fleet.reports import Reports
 
 if TYPE_CHECKING:
     from monitor.fleet.dataset import Tables
@@ -76,6 +77,10 @@ def fleet(
     estimates: Annotated[
         bool, typer.Option("--estimates", help="Write the estimates of each log as well.")
     ] = False,
+    reports: Annotated[
+        Reports,
+        typer.Option(help="Write report.html of no log, of those with findings, or of all."),
+    ] = Reports.NONE,
     again: Annotated[
         bool, typer.Option("--again", help="Analyze logs whose outcome is known, too.")
     ] = False,
@@ -90,7 +95,7 @@ def fleet(
 
     Example: mavsentry fleet 'flights/**/*.tlog' --out fleet
     """
-    _refuse_without_extra()
+    _refuse_without_extra(reports)
     from monitor.fleet.dataset import DatasetError, load
     from monitor.fleet.places import Place
     from monitor.fleet.sources import SourceError, expand, is_url
@@ -112,7 +117,9 @@ def fleet(
         raise Refused(f"{out} needs one more package: {error}") from None
     except OSError as error:
         raise Refused(f"cannot read {out}: {error.strerror or error}") from None
-    plan = make_plan(settings, out, limit_s=limit_s, estimates=estimates, again=again)
+    plan = make_plan(
+        settings, out, limit_s=limit_s, estimates=estimates, reports=reports, again=again
+    )
     account = _judged(sources, plan, old, rule, settings, jobs, scheduler, retries)
     _show(account, out)
     if sum(account.reasons.values()):
@@ -121,10 +128,14 @@ def fleet(
         raise typer.Exit(FAULT_FOUND)
 
 
-def _refuse_without_extra() -> None:
+def _refuse_without_extra(reports: Reports) -> None:
+    from monitor.analyze import have_report
+
     missing = [package for package in PACKAGES if find_spec(package) is None]
     if missing:
         raise Refused(f"this needs {', '.join(missing)}: pip install 'mavsentry[fleet]'")
+    if reports != Reports.NONE and not have_report():
+        raise Refused("--reports needs one more extra: pip install 'mavsentry[fleet,report]'")
 
 
 def _judged(

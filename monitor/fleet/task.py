@@ -6,16 +6,18 @@ import hashlib
 import json
 import time
 import traceback
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from monitor.fleet.outcome import Outcome, Status, failed, judged, read_outcome, unusable
 from monitor.fleet.places import Place, report_folder
+from monitor.fleet.reports import Reports
 from monitor.fleet.sources import Source, opened
 from monitor.settings import Settings
 
@@ -47,6 +49,8 @@ class Plan:
         Longest time that a log may take [s].
     estimates
         Write the estimates of each log beside its summary.
+    reports
+        Of which logs ``report.html`` is written.
     again
         Judge logs whose outcome is known, too.
     """
@@ -56,6 +60,7 @@ class Plan:
     key: str
     limit_s: float = 3600.0
     estimates: bool = False
+    reports: Reports = Reports.NONE
     again: bool = False
 
 
@@ -80,16 +85,18 @@ def make_plan(
     *,
     limit_s: float = 3600.0,
     estimates: bool = False,
+    reports: Reports = Reports.NONE,
     again: bool = False,
 ) -> Plan:
     """The plan of a fleet with these settings."""
     text = settings.model_dump_json()
-    return Plan(out, text, _key(text, estimates), limit_s, estimates, again)
+    return Plan(out, text, _key(text, estimates, reports), limit_s, estimates, reports, again)
 
 
 @lru_cache(maxsize=4)
-def _key(settings: str, estimates: bool) -> str:
-    content = "\0".join((code_version(), settings, "estimates" if estimates else ""))
+def _key(settings: str, estimates: bool, reports: Reports) -> str:
+    wanted = ("estimates" if estimates else "", *([reports] if reports != Reports.NONE else []))
+    content = "\0".join((code_version(), settings, *wanted))
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
@@ -122,7 +129,7 @@ def judge(task: Task) -> Outcome:
         The log cannot be read or the report not be written: worth another try.
     """
     plan = task.plan
-    if _key(plan.settings, plan.estimates) != plan.key:
+    if _key(plan.settings, plan.estimates, plan.reports) != plan.key:
         return failed(plan.key, f"the worker runs another mavsentry, {code_version()}")
     with opened(task.source) as (path, sha256), _alone(sha256) if task.twin else nullcontext():
         place, folder = _place(plan.out), report_folder(sha256)
@@ -162,20 +169,44 @@ def _summary(
     task: Task, path: Path, folder: str, began_s: float
 ) -> tuple[dict[str, Any], list[str]]:
     """``summary.json`` of a log, and the names of the files that were written."""
-    from monitor.analyze import analyze_into, analyze_log
+    from monitor.analyze import ESTIMATES, analyze_into, analyze_log
 
     plan, place = task.plan, _place(task.plan.out)
     settings, check = _settings(plan.settings), _deadline(began_s, plan.limit_s)
     files = [SUMMARY]
-    if plan.estimates:
-        with place.staged(folder) as near:
-            analysis = analyze_into(near, path, settings, check)
-            files += [file.relative_to(near).as_posix() for file in analysis.files[1:]]
-    else:
+    if not plan.estimates and plan.reports == Reports.NONE:
         analysis = analyze_log(path, settings, check)
-    analysis.summary["log"]["path"] = task.source.shown
+        analysis.summary["log"]["path"] = task.source.shown
+    else:
+        with place.staged(folder) as near, _beside(near, plan) as own:
+            analysis = analyze_into(own, path, settings, check)
+            if plan.estimates:
+                files += [file.relative_to(near).as_posix() for file in analysis.files[1:]]
+            analysis.summary["log"]["path"] = task.source.shown
+            if _report_wanted(plan, analysis.summary):
+                near.mkdir(parents=True, exist_ok=True)
+                files.append(analysis.write_report(near, own / ESTIMATES).name)
     place.write(f"{folder}/{SUMMARY}", _json(analysis.summary))
     return analysis.summary, files
+
+
+def _beside(near: Path, plan: Plan) -> AbstractContextManager[Path]:
+    """Where a log's estimates go: a report needs them, if nobody else does for a while only."""
+    if plan.estimates:
+        return nullcontext(near)
+    return _passing()
+
+
+@contextmanager
+def _passing() -> Iterator[Path]:
+    with TemporaryDirectory(prefix="mavsentry-") as folder:
+        yield Path(folder)
+
+
+def _report_wanted(plan: Plan, summary: dict[str, Any]) -> bool:
+    if plan.reports == Reports.FOUND:
+        return bool(summary["faults"] or summary["events"])
+    return plan.reports == Reports.ALL
 
 
 def _mistake(error: Exception) -> str:

@@ -54,7 +54,7 @@ def spans_of(
     first_us
         Vehicle time of the log's first record [us].
     duration_s
-        Where the last spans end; a verdict after it counts as at it.
+        Where the last spans end; a later verdict begins none.
     left_out
         How many verdicts followed that were not kept: nothing is known after the last one then.
 
@@ -85,7 +85,7 @@ class _Track:
 
     def add(self, at_s: float, v: Verdict) -> None:
         """The sensor's state changes."""
-        if len(self._spans) >= LISTED - 1:
+        if len(self._spans) >= LISTED - 2:
             new = _unknown(at_s)
         else:
             kind = str(v.kind) if v.state is State.FAULTY else None
@@ -97,7 +97,9 @@ class _Track:
         """All spans up to the end; what is known ends at ``known_s``, unless that is None."""
         if known_s is not None:
             self._change(_unknown(known_s))
-        return [*self._spans, self._standing._replace(to_s=max(end_s, self._standing.from_s))]
+        if self._standing.from_s < end_s or not self._spans:
+            return [*self._spans, self._standing._replace(to_s=end_s)]
+        return self._spans
 
     def _change(self, new: Span) -> None:
         standing = self._standing
