@@ -29,6 +29,7 @@ SHORTEST: Final = 16
 
 _HOST_PORT = re.compile(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([^:\[\]\s/]+)):(\d{1,5})")
 _BACKLOG = 64
+_SEND_BUFFER = 1 << 17
 _MADE_BYTES = 24
 
 
@@ -84,6 +85,9 @@ def listen(address: str) -> Listening:
         try:
             if os.name == "posix":  # elsewhere it would let two programs have one port
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            # Of every connection (it is handed down): a slow viewer is to fall behind here, where
+            # frames are dropped, and not in a buffer of megabytes full of old ones.
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
             sock.bind(where)
             sock.listen(_BACKLOG)
             sock.setblocking(False)

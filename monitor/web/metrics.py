@@ -67,6 +67,7 @@ def _about(now: Mapping[str, Any]) -> Iterator[Metric]:
     about.add_metric([], {"version": now["version"], "profile": now["profile"]})
     yield about
     yield _gauge("start_time_seconds", "Unix time of the daemon's start.", now["started_unix_s"])
+    yield _gauge("snapshot_number", "Number of the newest frame.", now["number"])
     yield _gauge("flying", "1 in flight, when sensors are judged.", now["flying"])
     if now["t_s"] is not None:
         said = "Vehicle time up to which everything is judged."

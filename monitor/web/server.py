@@ -46,7 +46,7 @@ IDLE_S, BODY_S = 60.0, 5.0
 CONNECTIONS_BESIDE: Final = 64
 """Connections beside the viewers' own: what exceeds it is closed at once."""
 
-FAREWELL_S: Final = 0.5
+FAREWELL_S: Final = 0.3
 """Time that viewers have to take our last word."""
 
 
