@@ -86,7 +86,7 @@ class LivePage:
             note(f"mavsentry: live page on {listening.url}?token= and the token of {token.where}")
         from monitor.web.measured import Measured
 
-        self._measured = Measured()
+        self._measured = Measured(settings.engine)
 
     @property
     def taps(self) -> Sequence[Tap]:

@@ -1,115 +1,122 @@
-"""What was measured since the last snapshot: least and largest value of every channel."""
+"""What was measured since the last frame: least and greatest value of every channel that is shown.
+
+The extremes are those of :class:`monitor.traces.Traces`, which the report is drawn from too: of
+every tenth of a second, as soon as a later sample closes it. Here rows wait until a frame is due,
+and are then thinned all at once: that costs a tenth of doing it at each turn of the daemon's loop.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from math import degrees
-from typing import Final, NamedTuple
+from collections.abc import Mapping
+from math import isfinite
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from links.samples import Rows, quantity_of
-from links.vocabulary import GYRO_ACC_AXES
+from links.samples import Rows
+from monitor.columns import flat, unit_of
+from monitor.pages.units import on_screen
+from monitor.settings.engine import EngineSettings
+from monitor.traces import MEASURED, Traces
 from monitor.web.protocol import Range
-from monitor.web.wire import number
+from monitor.web.wire import rounded
 
 __all__ = ["Measured"]
 
-KEPT_ROWS: Final = 8192
-"""Rows of a sensor that wait at most; of more, the oldest are not shown."""
+STEPS_WAITING: Final = 512
+"""Steps whose rows wait at most: ten seconds. Then they are thinned before a frame is due."""
 
-_Values = NDArray[np.float64]
+_THROTTLE: Final = frozenset({"servo", "param"})
+"""What the throttle is read from, besides what is measured."""
 
+_LOW, _HIGH = "_low", "_high"
 
-class _Channels(NamedTuple):
-    """What rows of a quantity show.
-
-    Attributes
-    ----------
-    names, units
-        Of each channel; ``{}`` is the sensor.
-    of
-        Rows -> values, shape (n, channels).
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    of: Callable[[Rows], _Values]
-
-
-def _one(field: str, factor: float = 1.0) -> Callable[[Rows], _Values]:
-    return lambda rows: np.asarray(rows[field][:, np.newaxis] * factor)
-
-
-def _imu(rows: Rows) -> _Values:
-    return np.hstack((rows["acc_m_s2"], rows["gyro_rad_s"] * degrees(1.0)))
-
-
-def _gps(rows: Rows) -> _Values:
-    north, east = rows["vel_ned_m_s"][:, :2].T
-    return np.asarray(np.hypot(north, east)[:, np.newaxis])
-
-
-def _attitude(rows: Rows) -> _Values:
-    w, x, y, z = rows["q_ned_from_frd"].T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    return np.asarray(np.degrees(np.stack((roll, pitch), axis=1)))
-
-
-_CHANNELS: Final[Mapping[str, _Channels]] = {
-    "imu": _Channels(
-        tuple(f"{{}}.{axis}" for axis in GYRO_ACC_AXES), ("m/s²",) * 3 + ("°/s",) * 3, _imu
-    ),
-    "airspeed": _Channels(("{}",), ("m/s",), _one("cas_m_s")),
-    "aoa": _Channels(("{}",), ("°",), _one("aoa_rad", degrees(1.0))),
-    "spool": _Channels(("{}",), ("rpm",), _one("speed_rpm")),
-    "gps": _Channels(("{}.speed",), ("m/s",), _gps),
-    "nav": _Channels(("altitude",), ("m",), _one("alt_m")),
-    "attitude": _Channels(("roll", "pitch"), ("°", "°"), _attitude),
+_CHANNELS: Final[Mapping[tuple[str, str], str]] = {
+    **{
+        ("imu", f"{kind}_{axis}"): f"{{}}.{kind}_{axis}"
+        for kind in ("acc", "gyro")
+        for axis in "xyz"
+    },
+    ("airspeed", "cas"): "{}",
+    ("aoa", "aoa"): "{}",
+    ("spool", "speed"): "{}",
+    ("throttle", "throttle"): "{}",
+    ("gps", "speed"): "{}.speed",
+    ("gps", "climb"): "{}.climb",
+    ("nav", "alt"): "altitude",
+    ("attitude", "roll"): "roll",
+    ("attitude", "pitch"): "pitch",
 }
+"""(quantity, column of its table without extreme and unit) -> channel; ``{}`` is the sensor."""
 
 
 class Measured:
-    """A :class:`monitor.verdict.Tap`: rows wait until they are asked for, all at once.
+    """A :class:`monitor.verdict.Tap`: rows wait until they are asked for.
+
+    Parameters
+    ----------
+    settings
+        Of the engine: which servo output is the throttle.
 
     Attributes
     ----------
     units
-        Channel -> unit, of every channel seen.
+        Channel -> unit as people read it, of every channel seen.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, settings: EngineSettings) -> None:
         self.units: dict[str, str] = {}
+        self._traces = Traces(settings)
         self._waiting: dict[str, list[Rows]] = {}
-        self._count: dict[str, int] = {}
+        self._steps = 0
+        self._low: dict[str, float] = {}
+        self._high: dict[str, float] = {}
 
     def step(self, rows: Mapping[str, Rows]) -> None:
         """Keep the rows of sensors that are shown."""
         for sensor, some in rows.items():
-            if len(some) and sensor != "phase" and quantity_of(sensor) in _CHANNELS:
-                waiting = self._waiting.setdefault(sensor, [])
-                waiting.append(some)
-                count = self._count.get(sensor, 0) + len(some)
-                while count > KEPT_ROWS and len(waiting) > 1:
-                    count -= len(waiting.pop(0))
-                self._count[sensor] = count
+            quantity = sensor.rstrip("0123456789")
+            if len(some) and (quantity in MEASURED or quantity in _THROTTLE):
+                self._waiting.setdefault(sensor, []).append(some)
+        self._steps += 1
+        if self._steps >= STEPS_WAITING:
+            self._thin()
 
     def take(self) -> dict[str, Range]:
         """Ranges since the last call, of channels with a finite value."""
-        out: dict[str, Range] = {}
-        for sensor, waiting in self._waiting.items():
-            channels = _CHANNELS[quantity_of(sensor)]
-            values = channels.of(np.concatenate(waiting) if len(waiting) > 1 else waiting[0])
-            with np.errstate(invalid="ignore"):
-                low, high = np.fmin.reduce(values), np.fmax.reduce(values)
-            for i, name in enumerate(channels.names):
-                least, most = number(float(low[i])), number(float(high[i]))
-                if least is not None and most is not None:
-                    channel = name.format(sensor)
-                    out[channel] = (least, most)
-                    self.units[channel] = channels.units[i]
-        self._waiting.clear()
-        self._count.clear()
+        self._thin()
+        out: dict[str, Range] = {
+            channel: (rounded(low), rounded(self._high[channel]))
+            for channel, low in self._low.items()
+        }
+        self._low.clear()
+        self._high.clear()
         return out
+
+    def _thin(self) -> None:
+        """Rows that wait become ranges."""
+        joined = {
+            sensor: some[0] if len(some) == 1 else np.concatenate(some)
+            for sensor, some in self._waiting.items()
+        }
+        self._waiting.clear()
+        self._steps = 0
+        self._traces.step(joined)
+        for table, rows in self._traces.take().items():
+            self._widen(table.removeprefix("measured_"), flat(rows))
+
+    def _widen(self, sensor: str, columns: Mapping[str, Rows]) -> None:
+        quantity = sensor.rstrip("0123456789")
+        for low_name, lows in columns.items():
+            name, extreme, unit = low_name.partition(_LOW)
+            channel = _CHANNELS.get((quantity, name)) if extreme else None
+            if channel is None:
+                continue
+            channel = channel.format(sensor)
+            factor, shown = on_screen(unit_of(low_name))
+            low = float(np.fmin.reduce(lows)) * factor
+            high = float(np.fmax.reduce(columns[name + _HIGH + unit])) * factor
+            if isfinite(low) and isfinite(high):
+                self._low[channel] = min(low, self._low.get(channel, low))
+                self._high[channel] = max(high, self._high.get(channel, high))
+                self.units[channel] = shown

@@ -10,7 +10,7 @@ is the same, and those that come again are told by their ``number``. A viewer sa
 times ``*t_s``      vehicle time in seconds, the clock of the vehicle; null before it is known
 ``*_unix_s``        Unix time in seconds
 angles, rates       degrees, deg/s; all else SI, the unit in the name, in ``unit`` or ``channels``
-                    (as people read it: ``m/s²``, ``°``, ``°/s``)
+                    (as people read it: ``m/s²``, ``deg``, ``deg/s``)
 missing numbers     null (JSON has no NaN); a key that may be missing is ``NotRequired``: nothing
                     new is said of it, what was said last stands
 ==================  =============================================================================

@@ -20,7 +20,7 @@ from monitor.verdict import (
 )
 from monitor.web.protocol import Event, Fault, Number, Standing
 
-__all__ = ["estimate", "event", "expected", "fault", "number", "seconds", "standing"]
+__all__ = ["estimate", "event", "expected", "fault", "number", "rounded", "seconds", "standing"]
 
 _DIGITS = 6
 """Significant digits of a value: more than a screen shows, half the bytes of a whole float."""
@@ -34,9 +34,14 @@ _IMU_SHOWN: Final = (
 _APART: Final = ("lift_apart_std_percent", "drag_apart_std_percent")
 
 
+def rounded(value: float) -> float:
+    """A finite value with as many digits as are shown."""
+    return float(f"{value:.{_DIGITS}g}")
+
+
 def number(value: float) -> Number:
-    """A finite value with as many digits as are shown; None of NaN and infinity."""
-    return float(f"{value:.{_DIGITS}g}") if isfinite(value) else None
+    """The same; None of NaN and infinity."""
+    return rounded(value) if isfinite(value) else None
 
 
 def seconds(t_us: int) -> float:

@@ -30,14 +30,14 @@ STARTED_UNIX_S = 1_760_000_000.0
 BLOCKED_S, SUSPECT_S, FAULTY_S, STALE_S, SILENT_S, END_S = 60.0, 66.0, 70.0, 120.0, 176.0, 180.0
 AXES = ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")
 CHANNELS = {
-    **{f"imu{i}.{axis}": "m/s²" if axis[:3] == "acc" else "°/s" for i in (0, 1) for axis in AXES},
+    **{f"imu{i}.{axis}": "m/s²" if axis[:3] == "acc" else "deg/s" for i in (0, 1) for axis in AXES},
     "airspeed0": "m/s",
-    "aoa0": "°",
+    "aoa0": "deg",
     "spool0": "rpm",
     "gps0.speed": "m/s",
     "altitude": "m",
-    "roll": "°",
-    "pitch": "°",
+    "roll": "deg",
+    "pitch": "deg",
 }
 
 
