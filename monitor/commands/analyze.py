@@ -93,13 +93,16 @@ def analyze(
     from estimators.jit import is_cold
     from monitor.analyze import MISSING_REPORT_EXTRA, have_report
     from monitor.commands.analysis_shown import show
+    from monitor.estimate_files import have_parquet
     from monitor.warmup import COMPILING, warm_up
 
     settings = load_settings(profile, config)
     logs = list({log.resolve(): log for log in reversed(logs)}.values())[::-1]
     folders = _folders(logs, out)
-    report = report and have_report()
-    tasks = [Task(*pair, settings, csv, report) for pair in zip(logs, folders, strict=True)]
+    able = have_report()
+    tasks = [
+        Task(*pair, settings, csv, report and able) for pair in zip(logs, folders, strict=True)
+    ]
     jobs = min(jobs or _jobs(logs), len(logs))
     if is_cold():
         note(COMPILING)
@@ -115,8 +118,10 @@ def analyze(
         if outcome.why:
             note(f"mavsentry: {outcome.why}")
             unusable = True
-    if not have_report():
+    if not have_parquet() and not csv:
         note(f"mavsentry: summary.json only: {MISSING_REPORT_EXTRA}, --csv as text")
+    elif report and not able:
+        note(f"mavsentry: no report: {MISSING_REPORT_EXTRA}")
     if unusable:
         raise typer.Exit(UNUSABLE)
     if found and exit_code:

@@ -66,6 +66,71 @@ def test_estimates_are_written_beside_the_summary_and_as_text_if_asked(log, tmp_
     assert "live" not in summary
 
 
+def test_a_report_is_written_and_named_unless_told_otherwise(log, tmp_path, capsys) -> None:
+    folder = tmp_path / "flight"
+    assert analyze(log, "--out", tmp_path) == 0
+    report = folder / "report.html"
+    assert report.stat().st_mtime_ns > (folder / "summary.json").stat().st_mtime_ns
+    assert "<title>" in report.read_text("utf-8")
+    said = capsys.readouterr()
+    assert said.out.splitlines()[-2:] == [f"  {folder / 'summary.json'}", f"  {report}"]
+    assert said.err == ""
+    assert {"measured_imu0.parquet", "measured_airspeed1.parquet"} <= {
+        p.name for p in (folder / "estimates").iterdir()
+    }
+    # the report of another analysis is none of this one
+    assert analyze(log, "--out", tmp_path, "--no-report") == 0
+    assert not report.exists()
+    assert capsys.readouterr().out.splitlines()[-1] == f"  {folder / 'summary.json'}"
+
+
+def test_without_the_extra_there_is_a_sentence_instead_of_a_report(
+    log, tmp_path, capsys, monkeypatch
+) -> None:
+    monkeypatch.setattr("monitor.analyze.REPORT_PACKAGES", ("bokeh", "no_such_package"))
+    assert analyze(log, "--out", tmp_path) == 0
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert sentence.startswith("mavsentry: no report: `pip install mavsentry[report]` adds")
+    assert not (tmp_path / "flight" / "report.html").exists()
+    assert analyze(log, "--out", tmp_path, "--no-report") == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_full_disk_is_said_and_leaves_no_half_report(log, tmp_path, capsys, monkeypatch) -> None:
+    whole = Path.write_text
+
+    def full(self, text, *arguments, **named):
+        if "report" in self.name:
+            whole(self, text[:1000], *arguments, **named)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return whole(self, text, *arguments, **named)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    assert analyze(log, "--out", tmp_path) == UNUSABLE
+    folder = tmp_path / "flight"
+    assert capsys.readouterr().err == (
+        f"mavsentry: cannot write to {folder}: No space left on device\n"
+    )
+    assert {p.name for p in folder.iterdir()} == {"summary.json", "estimates"}
+
+
+def test_a_report_that_fails_costs_no_verdict(log, tmp_path, capsys, monkeypatch) -> None:
+    import monitor.report
+
+    def fails(folder, flight):
+        raise KeyError("x")
+
+    monkeypatch.setattr(monitor.report, "write_report", fails)
+    assert analyze(log, "--out", tmp_path) == UNUSABLE
+    said = capsys.readouterr()
+    assert "messages" in said.out
+    (sentence,) = said.err.splitlines()
+    assert sentence.startswith(
+        f"mavsentry: {log} has no report: mavsentry failed on it (KeyError in "
+    )
+    assert (tmp_path / "flight" / "summary.json").is_file()
+
+
 def test_the_summary_says_what_differs_from_the_profile(log, tmp_path) -> None:
     config = tmp_path / "sentry.toml"
     config.write_text("[streams]\nhorizon_s = 1.0\n")
