@@ -52,7 +52,7 @@ def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
         _draw_speeds(near, flight, pitots)
     over = time_chart(axis, "speed", "m/s")
     over.line(flight.estimate("air", "tas_m_s"), "true airspeed", palette.RECONSTRUCTED)
-    over.line(flight.measured("gps0.speed"), "ground speed (gps0)", palette.REFERENCE)
+    over.line(flight.measured("gps0.speed"), "ground speed (gps0)", palette.MORE[4])
     charts = stacked([cas, near, over])
     if not charts:
         return []
@@ -141,6 +141,7 @@ def _wind(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
         shown.append(known)
     if not level.legend:
         return []
+    (level,) = stacked([level])
     shade_faults([level], flight)
     last = _last_wind(shown)
     unseen = "" if vanes else " Without vanes the vertical wind cannot be observed."

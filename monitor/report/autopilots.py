@@ -10,6 +10,7 @@ from monitor.pages import palette
 from monitor.pages.charts import LegendEntry
 from monitor.report.autopilots_compared import (
     ARDUPILOT,
+    CHECKED,
     JUDGES,
     OURS,
     PX4,
@@ -31,8 +32,6 @@ __all__ = ["section"]
 
 LINES: Final = 300
 """Rows of the table, and lines of the autopilot, that are shown."""
-CHECKED: Final = ("imu", "airspeed")
-"""What the autopilots' checks look at."""
 GRAVE: Final = 4
 """MAVLink's severity up to which a line is a warning."""
 

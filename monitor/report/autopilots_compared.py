@@ -12,6 +12,7 @@ from monitor.report.wording import clock, count, instrument, lasting, listed
 
 __all__ = [
     "ARDUPILOT",
+    "CHECKED",
     "JUDGES",
     "OURS",
     "PX4",
@@ -31,6 +32,9 @@ PX4: Final = "PX4's checks"
 SPOKEN: Final = "said in flight"
 JUDGES: Final = (OURS, ARDUPILOT, PX4, SPOKEN)
 """Ours; the models of the autopilots' logic; what the autopilot on board announced."""
+
+CHECKED: Final = ("imu", "airspeed")
+"""What the autopilots' checks look at."""
 
 EARLY_S, GRACE_S = 0.5, 15.0
 """A verdict belongs to a fault from this before its onset until this after its end [s]."""
@@ -162,6 +166,8 @@ def sentences(summary: Summary) -> list[str]:
     if not faults:
         lines.append("mavsentry found no faulty sensor in this flight.")
     lines += _alone(verdicts, faults)
+    if summary["log"]["gaps"] and any(v.judge != OURS for v in verdicts):
+        lines.append("To these checks a gap of the recording looks like sensors that stopped.")
     lost_s = summary["baselines"]["lanes_lost_s"]
     if lost_s >= 1.0:
         lines.append(
@@ -192,6 +198,11 @@ _NAMES: Final = {
 
 
 def _sentence(found: Compared, judges: Iterable[str]) -> str:
+    if not found.sensor.startswith(CHECKED):
+        return (
+            f"{found.sensor}, off since {clock(found.onset_s, 1)}: mavsentry said so at "
+            f"{clock(found.said_s, 1)}; the autopilots' checks do not look at it."
+        )
     others = [j for j in judges if j != OURS]
     firm = {j: t_s for j, (t_s, told) in found.others.items() if told}
     vague = {j: t_s for j, (t_s, told) in found.others.items() if not told}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from monitor.report.flight import Flight
 
 __all__ = [
+    "ONE_BAND",
     "Derived",
     "banded",
     "fault_spans",
     "instances",
+    "settled",
     "shade_faults",
     "shaded_words",
     "stacked",
@@ -33,6 +35,12 @@ Floats = NDArray[np.floating[Any]]
 APART_S = 1.0
 """Faults closer than this share a shade [s]."""
 NAMED = 3
+MARKED = 6
+"""Onsets that are marked with the sensor's name; more would cover each other."""
+LEFT_PX = 70
+"""Room for numbers and label on the left: signs and three digits have it too."""
+WIDE = 2.0
+"""A deviation so many times its usual one is of the time before anything was known."""
 ONE_BAND = LegendEntry("2σ of each", palette.BAND, "band")
 
 
@@ -89,12 +97,17 @@ def fault_spans(summary: Mapping[str, Any], duration_s: float) -> list[tuple[Sta
     return out
 
 
-def shade_faults(charts: Iterable[TimeChart], flight: Flight) -> None:
-    """Shade every fault and event of the flight in all charts."""
-    spans = fault_spans(flight.summary, flight.duration_s)
+def shade_faults(charts: Sequence[TimeChart], flight: Flight) -> None:
+    """Shade every fault and event of the flight in all charts; the first tells whose they are."""
+    summary = flight.summary
+    spans = fault_spans(summary, flight.duration_s)
     for chart in charts:
         for state, from_s, to_s in spans:
             chart.shade(from_s, to_s, state)
+    onsets = [(f["onset_s"], f["sensor"]) for f in summary["faults"]]
+    onsets += [(e["onset_s"], e["what"]) for e in summary["events"]]
+    for onset_s, sensor in sorted(onsets)[:MARKED] if charts else ():
+        charts[0].mark(onset_s, sensor)
 
 
 def shaded_words(summary: Mapping[str, Any]) -> str:
@@ -128,12 +141,26 @@ def banded(
     chart.line(mean, name, tone)
 
 
+def settled(mean: Curve | None, std: Curve | None) -> Derived | None:
+    """The curve from where it is known about as well as it is for most of the flight.
+
+    What was assumed before anything was observed is so wide that it would flatten all the rest.
+    """
+    if mean is None or std is None or not np.isfinite(std.high).any():
+        return None
+    known = std.high <= WIDE * float(np.nanmedian(std.high))
+    low, high = (np.where(known, values, np.nan) for values in (mean.low, mean.high))
+    return Derived(mean.t_s, low, high, mean.unit)
+
+
 def stacked(charts: Sequence[TimeChart]) -> list[TimeChart]:
     """Those charts in which something is drawn, as one picture.
 
     They share their time axis: tools stand above the first, the axis' name below the last.
     """
     shown = [chart for chart in charts if chart.legend]
+    for chart in shown:
+        chart.figure.min_border_left = LEFT_PX
     for chart in shown[1:]:
         chart.figure.toolbar_location = None
     for chart in shown[:-1]:

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from monitor.pages import palette
 from monitor.pages.charts import TimeChart, time_chart
-from monitor.report.panels import Derived, banded, shade_faults, shaded_words, stacked
+from monitor.report.panels import (
+    ONE_BAND,
+    Derived,
+    banded,
+    settled,
+    shade_faults,
+    shaded_words,
+    stacked,
+)
 from monitor.report.section import Chart, Section
 
 if TYPE_CHECKING:
@@ -58,7 +66,9 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
                 charts,
                 "First the difference right less left, then each wing, in percent of the whole "
                 "wing's lift and drag. Positive is a right wing that is worse; the dashed lines "
-                "are the least difference called damage." + shaded_words(flight.summary),
+                "are the least difference called damage, which must exceed its deviation too: "
+                f"{settings.lift_sigmas:g} times in lift, {settings.drag_sigmas:g} times in drag "
+                "or as the airframe's own flights taught." + shaded_words(flight.summary),
                 "Time charts of lift lost and drag gained: the difference between the wings with "
                 "its limits, and each wing with its 2-sigma band.",
             )
@@ -77,7 +87,8 @@ def _difference(flight: Flight, axis: Range1d, force: _Force) -> TimeChart:
     every = slice(None, None, step)
     apart = (right.middle - left.middle)[every]
     mean = Derived(right.t_s[every], apart, apart, "%")
-    chart.deviation(mean, Derived(mean.t_s, std.high[every], std.high[every], "%"))
+    apart_std = Derived(mean.t_s, std.high[every], std.high[every], "%")
+    chart.deviation(mean, apart_std, ONE_BAND.name)
     chart.line(mean, "right less left", palette.RECONSTRUCTED)
     if chart.legend:
         limit = force.limit_percent
@@ -90,5 +101,5 @@ def _each(flight: Flight, axis: Range1d, force: _Force) -> TimeChart:
     for side, tone in zip(("right", "left"), palette.MORE, strict=False):
         mean = flight.estimate("wing", f"{side}_{force.column}_percent")
         std = flight.estimate("wing", f"{side}_{force.column}_std_percent")
-        banded(chart, mean, std, f"{side} wing", tone)
+        banded(chart, settled(mean, std), std, f"{side} wing", tone)
     return chart

@@ -73,6 +73,11 @@ def test_silence_is_said_of_those_who_could_speak() -> None:
     assert sentences(spoken)[0].endswith("and the autopilot announced nothing of the kind.")
 
 
+def test_of_what_they_do_not_look_at_nothing_is_expected() -> None:
+    (line,) = sentences(summary(faults=[fault("aoa1", 100.0, 102.0)]))
+    assert line.endswith("mavsentry said so at 1:42.0; the autopilots' checks do not look at it.")
+
+
 def test_where_nothing_was_judged_nobody_is_praised() -> None:
     flight = summary(monitored=[])
     assert sentences(flight)[0].startswith("No airspeed sensor and no IMU was judged")
