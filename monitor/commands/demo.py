@@ -22,6 +22,10 @@ def demo(
         "demo-out"
     ),
     speed: Annotated[float, typer.Option(min=0.5, max=10.0, help="Times real time.")] = SPEED,
+    web: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Serve the daemon's live page there meanwhile."),
+    ] = None,
 ) -> None:
     """Fly a synthetic aircraft over UDP into the daemon, break its sensors, show what is found."""
     try:
@@ -37,7 +41,11 @@ def demo(
         f"A synthetic aircraft takes off at {speed:g} times real time; its MAVLink goes over UDP "
         "to `mavsentry run`.\nTimes are flight time; STATUSTEXT is what the daemon publishes."
     )
-    trial = try_out(SCENARIO, PROFILE, speed, out, lambda text: screen.print(text, markup=False))
+
+    def say(text: str) -> None:
+        screen.print(text, markup=False, soft_wrap=True)
+
+    trial = try_out(SCENARIO, PROFILE, speed, out, say, ("--web", web) if web else ())
     outcome = judge(trial, out / "truth.npz")
     screen.print(outcome_table(outcome))
     for fault in outcome.false:

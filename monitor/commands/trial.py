@@ -31,6 +31,12 @@ COMPILE_TIMEOUT_S = 900.0
 
 SETTLE_S = 1.0
 
+_WHILE_STARTING = {
+    "compiling": "compiling kernels, once on this machine ...",
+    "live page on": "",
+}
+"""What of a starting daemon's notes is passed on: as it stands, or in other words."""
+
 
 class Listener:
     """Hears what the daemon publishes, with a ground station's decoder (pymavlink).
@@ -119,7 +125,12 @@ class Trial:
 
 
 def try_out(
-    scenario: str, profile: str, speed: float, out: Path, say: Callable[[str], None]
+    scenario: str,
+    profile: str,
+    speed: float,
+    out: Path,
+    say: Callable[[str], None],
+    further: tuple[str, ...] = (),
 ) -> Trial:
     """Fly a scenario into a daemon on this machine.
 
@@ -133,6 +144,8 @@ def try_out(
         Folder for the recording and the truth.
     say
         Told what breaks and what the daemon publishes, as it happens.
+    further
+        Arguments of the daemon.
 
     Raises
     ------
@@ -148,7 +161,7 @@ def try_out(
         old.unlink()
     with Listener() as listener:
         arguments = ("--out", f"udpout:127.0.0.1:{listener.port}", "--profile", profile)
-        with DaemonProcess((*arguments, "--record", str(recordings))) as daemon:
+        with DaemonProcess((*arguments, "--record", str(recordings), *further)) as daemon:
             _until_ready(daemon, listener, say)
             truth = _fly(scenario, speed, out, daemon, listener, say)
             time.sleep(SETTLE_S)
@@ -164,13 +177,15 @@ def try_out(
 def _until_ready(daemon: DaemonProcess, listener: Listener, say: Callable[[str], None]) -> None:
     """Wait for the first heartbeat: the daemon then works."""
     end_s = time.monotonic() + COMPILE_TIMEOUT_S
-    told = False
+    told: set[str] = set()
     while not listener.of("HEARTBEAT"):
         if not daemon.running or time.monotonic() > end_s:
             raise Refused(f"the daemon did not start: {daemon.notes}")
-        if not told and "compiling" in daemon.notes:
-            say("compiling kernels, once on this machine ...")
-            told = True
+        for line in daemon.notes.splitlines():
+            for mark, said in _WHILE_STARTING.items():
+                if mark in line and mark not in told:
+                    told.add(mark)
+                    say(said or line.removeprefix("mavsentry: "))
         time.sleep(0.05)
 
 
