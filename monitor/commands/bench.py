@@ -48,9 +48,10 @@ NAMES = {
     "whole": ("pipeline", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
     "fleet": ("fleet_speedup",),
     "hours": ("analyze", "analyze_two_imus", "analyze_all"),
+    "report": ("report_s",),
     "memory": ("analyze_memory",),
 }
-"""Module of ``monitor.commands.bench_cases`` -> what it measures; ``memory`` is in ``hours``."""
+"""Module of ``monitor.commands.bench_cases`` -> what it measures; the last two are in ``hours``."""
 
 TOGETHER = {"analyze": NAMES["hours"]}
 """Names that stand for several."""
@@ -171,7 +172,7 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
             partial(_sixdof_flight, folder, seconds) if sixdof else None,
             minutes,
         )
-    if set(wanted) & {*NAMES["hours"], *NAMES["memory"]}:
+    if set(wanted) & {*NAMES["hours"], *NAMES["report"], *NAMES["memory"]}:
         from monitor.commands.bench_cases import hours
 
         some_minutes = cache(partial(_circuits, folder))
@@ -179,6 +180,7 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         cases += hours.cases(
             folder, some_minutes, partial(_all_watched, folder) if sixdof else None
         )
+        cases += hours.report_cases(folder, some_minutes)
         cases += hours.memory_cases(folder, some_minutes)
     return [case for case in cases if case.name in wanted]
 

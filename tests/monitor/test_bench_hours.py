@@ -78,3 +78,12 @@ def test_every_case_is_known_and_the_long_one_is_made_only_on_demand(tmp_path) -
     names = [case.name for case in hours.cases(tmp_path, nothing, None)]
     assert tuple(names) == NAMES["hours"] == TOGETHER["analyze"]
     assert tuple(c.name for c in hours.memory_cases(tmp_path, nothing)) == ON_DEMAND
+    assert tuple(c.name for c in hours.report_cases(tmp_path, nothing)) == NAMES["report"]
+
+
+def test_the_report_of_a_log_is_timed_apart_from_its_analysis(flight, tmp_path) -> None:
+    pytest.importorskip("bokeh")
+    taken = hours._analysed(tmp_path, Flight(flight, 10.0), 20.0, 1, report=True)
+    assert taken.report_bytes > 100_000
+    assert 0.0 < taken.report_cpu_s <= taken.report_s + 0.05
+    assert f"its report of {taken.report_bytes / 1e6:.2f} MB in " in taken.said()

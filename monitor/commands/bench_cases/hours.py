@@ -1,4 +1,4 @@
-"""`analyze` on logs of an hour and of ten: times real time on one core, and the peak of memory.
+"""`analyze` on logs of an hour and of ten: times real time on one core, memory, and the report.
 
 Each log is analysed by a process of its own that is held to one core and has loaded its kernels
 before: its CPU time, its wall time and its largest resident memory are those of the analysis alone.
@@ -20,13 +20,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from monitor.analyze import analyze_into
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor.analyze import ESTIMATES, analyze_into, have_report
 from monitor.commands.bench_cases import BenchCase, Measured
 from monitor.commands.bench_cases.long_log import Flight, lengthen
 from monitor.settings import load
 from monitor.warmup import warm_up
 
-__all__ = ["cases", "memory_cases"]
+__all__ = ["cases", "memory_cases", "report_cases"]
 
 HOUR_S: Final = 3600.0
 REPEATS: Final = 3
@@ -51,6 +54,10 @@ class Taken:
         Resident memory with the kernels loaded, and its peak [MiB].
     faults
         Faults found.
+    report_cpu_s, report_s
+        CPU and wall time of the quickest report, zero without one [s].
+    report_bytes
+        Its size.
     """
 
     flight_s: float
@@ -59,6 +66,9 @@ class Taken:
     before_mib: float
     peak_mib: float
     faults: int
+    report_cpu_s: float = 0.0
+    report_s: float = 0.0
+    report_bytes: int = 0
 
     def said(self) -> str:
         """In words."""
@@ -67,6 +77,14 @@ class Taken:
             f"({self.flight_s / self.cpu_s:.0f} times real time) and {self.wall_s:.2f} s of wall "
             f"time ({self.flight_s / self.wall_s:.0f} times); resident {self.before_mib:.0f} MiB "
             f"before, {self.peak_mib:.0f} MiB at most; {self.faults} faults found"
+            + (f"; {self.report_said()}" if self.report_bytes else "")
+        )
+
+    def report_said(self) -> str:
+        """The report in words."""
+        return (
+            f"its report of {self.report_bytes / 1e6:.2f} MB in {self.report_cpu_s:.2f} s of CPU "
+            f"and {self.report_s:.2f} s of wall time"
         )
 
 
@@ -117,7 +135,22 @@ def memory_cases(folder: Path, flight: Callable[[], Flight]) -> list[BenchCase]:
             "analyze_memory",
             unit="times the peak of one hour",
             value=lambda: _memory(folder, flight()),
-            note="peak resident memory of ten hours, two IMUs at 200 Hz.",
+            note="peak resident memory of ten hours, two IMUs at 200 Hz, report.html included.",
+        )
+    ]
+
+
+def report_cases(folder: Path, flight: Callable[[], Flight]) -> list[BenchCase]:
+    """Time to make the report of an hour, once the log is analysed."""
+    able = have_report()
+    return [
+        BenchCase(
+            "report_s",
+            unit="s",
+            value=(lambda: _report(folder, flight())) if able else None,
+            note=f"report.html of one hour with two IMUs at 200 Hz, after its analysis: wall time on "
+            f"one core, the quickest of {REPEATS}.",
+            missing=() if able else ("bokeh",),
         )
     ]
 
@@ -132,8 +165,14 @@ def _hour(
 
 
 def _memory(folder: Path, flight: Flight) -> Measured:
-    one, ten = (_analysed(folder, flight, hours * HOUR_S, 1) for hours in (1, 10))
+    report = have_report()
+    one, ten = (_analysed(folder, flight, h * HOUR_S, 1, report=report) for h in (1, 10))
     return Measured(ten.peak_mib / one.peak_mib, note=f"{one.said()}. {ten.said()}")
+
+
+def _report(folder: Path, flight: Flight) -> Measured:
+    taken = _analysed(folder, flight, HOUR_S, REPEATS, report=True)
+    return Measured(taken.report_s, taken.report_s * 1e6, taken.report_s * 1e6, taken.report_said())
 
 
 def _analysed(
@@ -143,11 +182,14 @@ def _analysed(
     repeats: int,
     config: Path | None = None,
     leave_out: str = "",
+    *,
+    report: bool = False,
 ) -> Taken:
     """Lengthen the flight and analyse it in a process of its own."""
     log = folder / "long.tlog"
     lengthen(flight, log, seconds, leave_out)
     command = [sys.executable, "-m", __name__, str(log), str(repeats), str(config or "")]
+    command += ["report"] if report else []
     try:
         answer = subprocess.run(command, check=True, capture_output=True, text=True)
     finally:
@@ -155,23 +197,37 @@ def _analysed(
     return Taken(**json.loads(answer.stdout))
 
 
-def _take(log: Path, repeats: int, config: Path | None) -> Taken:
-    """Analyse a log several times, in this process."""
+def _take(log: Path, repeats: int, config: Path | None, *, report: bool) -> Taken:
+    """Analyse a log several times, in this process, and write its report if asked."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     settings = load(file=config)
     warm_up(settings)
     _forget_peak()
     before_mib = _peak_mib()
-    cpu_s, wall_s = [], []
+    analyses, reports, size = [], [], 0
     for _ in range(repeats):
         with TemporaryDirectory(prefix="mavsentry-bench-") as out:
-            began_cpu_s, began_s = time.process_time(), time.perf_counter()
+            began = _clocks()
             analysis = analyze_into(Path(out), log, settings)
-            cpu_s.append(time.process_time() - began_cpu_s)
-            wall_s.append(time.perf_counter() - began_s)
-    flight_s = float(analysis.summary["log"]["duration_s"])
-    return Taken(flight_s, min(cpu_s), min(wall_s), before_mib, _peak_mib(), len(analysis.faults))
+            analyses.append(_clocks() - began)
+            if report:
+                began = _clocks()
+                size = analysis.write_report(Path(out), Path(out, ESTIMATES)).stat().st_size
+                reports.append(_clocks() - began)
+    cpu_s, wall_s = np.min(analyses, axis=0).tolist()
+    report_cpu_s, report_s = np.min(reports or [np.zeros(2)], axis=0).tolist()
+    flight_s, faults = float(analysis.summary["log"]["duration_s"]), len(analysis.faults)
+    peak_mib = _peak_mib()
+    return Taken(
+        *(flight_s, cpu_s, wall_s, before_mib, peak_mib, faults),
+        *(report_cpu_s, report_s, size),
+    )
+
+
+def _clocks() -> NDArray[np.float64]:
+    """CPU time of this process, and wall time [s]."""
+    return np.array([time.process_time(), time.perf_counter()])
 
 
 def _forget_peak() -> None:
@@ -191,5 +247,7 @@ def _peak_mib() -> float:
 
 
 if __name__ == "__main__":
-    _log, _repeats, _config = sys.argv[1:]
-    print(json.dumps(asdict(_take(Path(_log), int(_repeats), Path(_config) if _config else None))))
+    _log, _repeats, _config, *_more = sys.argv[1:]
+    _settings_file = Path(_config) if _config else None
+    _taken = _take(Path(_log), int(_repeats), _settings_file, report=bool(_more))
+    print(json.dumps(asdict(_taken)))
