@@ -37,6 +37,8 @@ SECONDS: Final = "00:00:00"
 FONT: Final = 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif'
 """As of ``base.css``."""
 
+_UNSEEN: Final = {"line_alpha": 0.0, "line_color": palette.BAND.light}
+
 Floats = NDArray[np.floating[Any]]
 
 
@@ -251,7 +253,7 @@ class TimeChart:
         """Let the automatic range hold these values: an unseen point at each."""
         y = np.array(list(values))
         t = np.full(y.size, self.figure.x_range.start)
-        self.figure.line("t", "y", source=_source(t=t, y=y), line_alpha=0.0)
+        self.figure.line("t", "y", source=_source(t=t, y=y), **_UNSEEN)
 
     def _add_hover(self) -> None:
         """One box with the time and every line's value, instead of one box per line."""
@@ -262,7 +264,7 @@ class TimeChart:
         for name, shown in formats:
             tooltips.append((name, f"{shown} {self.unit}".rstrip()))
         source = _source(**columns)
-        seen = self.figure.line("t", HOVERED, source=source, line_alpha=0.0)
+        seen = self.figure.line("t", HOVERED, source=source, **_UNSEEN)
         self.figure.add_tools(
             HoverTool(
                 renderers=[seen],

@@ -54,6 +54,7 @@ def environment(folder: Path) -> jinja2.Environment:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
     made.globals["marks"] = {str(state): look.mark for state, look in LOOKS.items()}

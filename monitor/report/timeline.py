@@ -186,7 +186,15 @@ def _rows(made: Figure, flight: Flight, order: Sequence[str]) -> Any:
             "why": [_why(span) for _, span in spans],
         }
     )
-    return made.hbar("sensor", left="from", right="to", height=1.0, source=source, alpha=0.0)
+    return made.hbar(
+        "sensor",
+        left="from",
+        right="to",
+        height=1.0,
+        source=source,
+        color=palette.BAND.light,
+        alpha=0.0,
+    )
 
 
 def _bars(

@@ -267,7 +267,7 @@ def _hover(made: Figure, track: Track, states: NDArray[np.int64], said: list[str
             ],
         }
     )
-    seen = made.scatter("x", "y", source=source, size=9, fill_alpha=0.0, line_alpha=0.0)
+    seen = made.scatter("x", "y", source=source, size=9, color=palette.BAND.light, alpha=0.0)
     made.add_tools(
         HoverTool(
             renderers=[seen], tooltips=[("time", "@at"), ("state", "@state")], attachment="vertical"
