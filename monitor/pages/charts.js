@@ -24,7 +24,9 @@ const Charts = (() => {
     prototype.stylesheets = function () { return [...usual.call(this), css]; };
   };
   const dressAll = () => {
-    dress("models/tools/toolbar", "ToolbarView", ".bk-divider { background-color: var(--line) !important; }");
+    dress("models/tools/toolbar", "ToolbarView", `
+      .bk-divider { background-color: var(--line) !important; }
+      @media print { :host { visibility: hidden; } }`);
     dress("models/ui/tooltip", "TooltipView", `
       :host { --tooltip-color: var(--paper); --tooltip-text: var(--ink); --tooltip-border: var(--soft);
         --tooltip-arrow-color: var(--soft); max-width: min(26rem, 90vw); padding: 6px 9px; border-radius: 4px; opacity: 1; }

@@ -1,5 +1,5 @@
 "use strict";
-// The report: its charts, printing, and the folds that a link or the printer opens.
+// The report: its charts, its print button, and the folds that a link opens.
 (() => {
   const charts = Charts.open(JSON.parse(document.getElementById("charts").textContent));
   const button = document.querySelector("[data-print]");
@@ -7,17 +7,6 @@
   button.addEventListener("click", async () => {
     await (await charts).all();
     print();
-  });
-  const opened = new Set();
-  addEventListener("beforeprint", () => {
-    for (const fold of document.querySelectorAll("details:not([open])")) {
-      fold.open = true;
-      opened.add(fold);
-    }
-  });
-  addEventListener("afterprint", () => {
-    for (const fold of opened) fold.open = false;
-    opened.clear();
   });
   const show = () => {
     const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));

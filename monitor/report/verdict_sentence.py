@@ -27,7 +27,7 @@ NAMED: Final = 4
 """Faults, or sensors, that a sentence names; the rest it counts."""
 
 _DID: Final = {
-    Kind.STUCK: "stood still",
+    Kind.STUCK: "always read the same",
     Kind.DROPOUT: "dropped out",
     Kind.NOISE: "was noisy",
     Kind.OSCILLATION: "oscillated",
