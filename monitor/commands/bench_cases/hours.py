@@ -148,8 +148,8 @@ def report_cases(folder: Path, flight: Callable[[], Flight]) -> list[BenchCase]:
             "report_s",
             unit="s",
             value=(lambda: _report(folder, flight())) if able else None,
-            note=f"report.html of one hour with two IMUs at 200 Hz, after its analysis: wall time on "
-            f"one core, the quickest of {REPEATS}.",
+            note="report.html of one hour with two IMUs at 200 Hz, after its analysis: wall time "
+            f"on one core, the quickest of {REPEATS};",
             missing=() if able else ("bokeh",),
         )
     ]
