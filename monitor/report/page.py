@@ -129,8 +129,9 @@ def _document(models: Sequence[Model]) -> str:
     from bokeh.document import Document
 
     document = Document()
-    for model in models:
-        document.add_root(model)
+    with document.models.freeze():  # what belongs to it is found once, not with every root
+        for model in models:
+            document.add_root(model)
     return str(serialize_json(document.to_json(deferred=False)))
 
 
