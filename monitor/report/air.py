@@ -63,9 +63,9 @@ def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
         Chart(
             "air-speed",
             charts,
-            f"{against}{closer}; below it true airspeed and speed over ground."
+            f"{against}{closer}; below it true airspeed and speed over ground.",
+            f"Time chart. {against}, with its 2-sigma band; true airspeed and ground speed."
             f"{shaded_words(flight.summary)}",
-            f"Time chart. {against}, with its 2-sigma band; true airspeed and ground speed.",
         )
     ]
 

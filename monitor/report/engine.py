@@ -47,8 +47,8 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
             Chart(
                 "engine-speeds",
                 charts,
-                f"{_caption(power)}{shaded_words(flight.summary)}",
-                f"Time charts of the engine. {said}",
+                _caption(power),
+                f"Time charts of the engine. {said}{shaded_words(flight.summary)}",
             )
         ],
     )

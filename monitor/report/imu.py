@@ -35,9 +35,9 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
                 charts,
                 f"{imu}: reconstructed error of each axis with its 2-sigma band. The dashed lines "
                 f"are the least change that is called a fault; an offset from the start is a "
-                f"turn-on bias, and none."
+                f"turn-on bias, and none.",
+                f"Time charts of {imu}: errors of the three accelerometers and the three gyros."
                 f"{shaded_words(flight.summary)}",
-                f"Time charts of {imu}: errors of the three accelerometers and the three gyros.",
             )
         )
     if not parts:

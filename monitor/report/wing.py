@@ -68,9 +68,9 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
                 "wing's lift and drag. Positive is a right wing that is worse; the dashed lines "
                 "are the least difference called damage, which must exceed its deviation too: "
                 f"{settings.lift_sigmas:g} times in lift, {settings.drag_sigmas:g} times in drag "
-                "or as the airframe's own flights taught." + shaded_words(flight.summary),
+                "or as the airframe's own flights taught.",
                 "Time charts of lift lost and drag gained: the difference between the wings with "
-                "its limits, and each wing with its 2-sigma band.",
+                "its limits, and each wing with its 2-sigma band." + shaded_words(flight.summary),
             )
         ],
     )
