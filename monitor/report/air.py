@@ -116,7 +116,8 @@ def _angles(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
             "air-angles",
             charts,
             f"{against}. Sideslip is positive with the wind from the right.",
-            f"Time chart of angle of attack and sideslip in degrees. {against}.",
+            f"Time chart of angle of attack and sideslip in degrees. {against}."
+            f"{shaded_words(flight.summary)}",
         )
     ]
 
@@ -151,7 +152,8 @@ def _wind(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
             level,
             f"The way the air moves, each line with its 2-sigma band, from when it is known to "
             f"{UNKNOWN_M_S:.0f} m/s (1σ).{unseen}{last}",
-            f"Time chart of the wind's components {listed(names)}.{last}",
+            f"Time chart of the wind's components {listed(names)}.{last}"
+            f"{shaded_words(flight.summary)}",
         )
     ]
 
