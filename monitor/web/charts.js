@@ -220,14 +220,16 @@ class TimelineChart extends Figure {
   }
 }
 
+const pretty = (text) => text.replaceAll("m/s^2", "m/s²");
+
 /** What stands beside a state: the fault's size and evidence, or the reason. */
 const whyOf = (one) => {
-  if (one.state !== "faulty") return one.reason ?? one.evidence ?? "";
+  if (one.state !== "faulty") return pretty(one.reason ?? one.evidence ?? "");
   const shape = one.kind && one.kind !== "unknown" && one.kind !== one.size ? `, ${one.kind}` : "";
-  return `${one.size ?? ""}${shape}${one.evidence ? `: ${one.evidence}` : ""}`;
+  return pretty(`${one.size ?? ""}${shape}${one.evidence ? `: ${one.evidence}` : ""}`);
 };
 
-const FAMILIES = ["imu", "airspeed", "aoa", "spool", "wing", "gps", "attitude"];
+const FAMILIES = ["imu", "airspeed", "aoa", "spool", "engine", "wing", "gps", "attitude"];
 const bySensor = (a, b) => {
   const family = (name) => { const at = FAMILIES.findIndex((f) => name.startsWith(f)); return at < 0 ? 99 : at; };
   return family(a) - family(b) || a.localeCompare(b, "en", { numeric: true });

@@ -30,8 +30,8 @@ AXIS_PX: Final = 30
 FLOOR: Final = 0.01
 """Test ratios below this are drawn as this: the axis is logarithmic."""
 TOP: Final = 10_000
-LEFT: Final = 46
-TIMELINE_LEFT: Final = 92
+LEFT: Final = 50
+TIMELINE_LEFT: Final = 100
 
 
 def catalogue() -> dict[str, Any]:

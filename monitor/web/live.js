@@ -85,6 +85,7 @@ class App {
     Object.assign(this, { streams: {}, rejected: {}, channels: {}, standing: new Map(), faults: new Map(), events: new Map() });
     Object.assign(this, { missed: 0, last: null, sounded: new Set() });
     this.view.paused_s = null;
+    this.store.absent.clear();
     this.timeline.clear();
     for (const chart of this.charts.values()) chart.element.remove();
     this.charts.clear();
@@ -160,14 +161,17 @@ class App {
     for (const [sensor, standings] of Object.entries(changes)) {
       if (!standings.length) continue;
       this.standing.set(sensor, standings.at(-1));
+      this.store.fitted(sensor, standings.at(-1).state !== "absent");
       if (standings.at(-1).state !== "absent" || this.timeline.spans.has(sensor)) this.timeline.take(sensor, standings, t_s - LONGEST_S - 30);
     }
   }
 
-  /** Charts come with their first value, each in its place; none goes before a new run. */
+  /** Charts come with their first value, each in its place. */
   _places() {
     for (const [i, spec] of this.catalogue.charts.entries()) {
-      if (this.charts.has(spec.key) || !LineChart.needed(spec, this.store)) continue;
+      const there = this.charts.get(spec.key), needed = LineChart.needed(spec, this.store);
+      if (there && !needed) { there.element.remove(); this.charts.delete(spec.key); }
+      if (there || !needed) continue;
       const chart = this.made.get(spec.key) ?? new LineChart(spec);
       this.charts.set(spec.key, chart);
       const later = this.catalogue.charts.slice(i + 1).map(({ key }) => this.charts.get(key)).find(Boolean);

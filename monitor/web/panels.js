@@ -14,22 +14,38 @@ const bytes = (n) => n < 1e3 ? `${n} B` : n < 1e6 ? `${(n / 1e3).toFixed(0)} kB`
 const ago = (seconds) => seconds < 99.5 ? `${Math.max(0, Math.round(seconds))} s`
   : seconds < 5940 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
 
-/** Sensors by name; an IMU whose six axes are in one state for one reason is a single entry. */
+/** What stands for a sensor where all of its group are in one state: an IMU for its axes, the wings. */
+function groupOf(sensor, standing) {
+  const [name, part] = sensor.split(".");
+  if (AXES.includes(part)) return [name, AXES.map((axis) => `${name}.${axis}`)];
+  if (name.startsWith("wing_")) return ["wings", [...standing.keys()].filter((one) => one.startsWith("wing_"))];
+  return [sensor, [sensor]];
+}
+
+/** Sensors by name; those of a group that are in one state for one reason are a single entry. */
 function grouped(standing) {
   const out = new Map();
   for (const sensor of [...standing.keys()].sort(bySensor)) {
     const one = standing.get(sensor);
-    const [imu, axis] = sensor.split(".");
-    const axes = AXES.includes(axis) ? AXES.map((a) => standing.get(`${imu}.${a}`)) : [];
-    const same = axes.length && axes.every((a) => a && a.state === one.state && (a.reason ?? "") === (one.reason ?? "")
-      && a.state !== "faulty");
-    if (!same) out.set(sensor, { one, sensors: [sensor] });
-    else if (!out.has(imu)) {
-      const newest = axes.reduce((a, b) => (b.t_s > a.t_s ? b : a));
-      out.set(imu, { one: newest, sensors: AXES.map((a) => `${imu}.${a}`) });
-    }
+    const [name, sensors] = groupOf(sensor, standing);
+    const all = sensors.map((other) => standing.get(other));
+    const alike = (other) => other && other.state === one.state && (other.reason ?? "") === (one.reason ?? "");
+    if (sensors.length === 1 || one.state === "faulty" || !all.every(alike)) out.set(sensor, { one, sensors: [sensor] });
+    else if (!out.has(name)) out.set(name, { one: all.reduce((a, b) => (b.t_s > a.t_s ? b : a)), sensors });
   }
   return out;
+}
+
+/** Names in a line: `airspeed0, airspeed1, airspeed2` is `airspeed0–2`. */
+function listed(names) {
+  const runs = [];
+  for (const name of names) {
+    const [, stem, number] = /^(.*?)(\d*)$/.exec(name);
+    const last = runs.at(-1);
+    if (last && number && last.stem === stem && Number(number) === last.to + 1) last.to += 1;
+    else runs.push({ stem, name, to: Number(number) });
+  }
+  return runs.map(({ stem, name, to }) => (name.endsWith(String(to)) || name === stem ? name : `${name}–${to}`)).join(", ");
 }
 
 /** Keep the children of an element in step with keys, without making anew what stays. */
@@ -47,6 +63,12 @@ function keep(parent, keys, build) {
 
 const cell = (row, name) => row.querySelector(`[data-of="${name}"]`);
 
+/** A table without rows is not shown; that there is nothing, is said. */
+function none(id, is) {
+  byId(`${id}-none`).hidden = !is;
+  byId(id).closest(".scroll").hidden = is;
+}
+
 /** The state's mark on its colour. */
 function mark(element, state, look) {
   const swatch = element.querySelector(".swatch");
@@ -63,7 +85,7 @@ class Banner {
     this.spoken = "";
   }
 
-  /** @returns {{level: string, title: string, spoken: string, lines: object[]}} */
+  /** @returns {{level: string, title: string, said: string, lines: object[], fine: string, idle: string, calm: string}} */
   static digest(standing, looks) {
     const groups = [...grouped(standing)].filter(([, { one }]) => one.state !== "absent");
     const pressing = groups.filter(([, { one }]) => PRESSING.includes(one.state))
@@ -77,16 +99,17 @@ class Banner {
     return { level, title, said: said.join(" "), lines, ...Banner._rest(groups) };
   }
 
+  /** What does not press: what is fine, and what is not judged, by reason. */
   static _rest(groups) {
-    const count = (state) => groups.filter(([, { one }]) => one.state === state);
-    const ok = count("ok"), idle = count("unmonitored");
-    const reasons = [...new Set(idle.map(([, { one }]) => one.reason).filter(Boolean))];
-    const why = reasons.length ? ` (${reasons.join("; ")})` : "";
-    if (!groups.length) return { rest: "No sensor has been heard yet.", calm: "unmonitored" };
-    const names = (list) => list.map(([name]) => name).join(", ");
-    const judged = ok.length ? `ok: ${names(ok)}` : "nothing is judged";
-    const left = idle.length ? `not judged${why}: ${names(idle)}` : "";
-    return { rest: [judged, left].filter(Boolean).join(" · "), calm: ok.length ? "ok" : "unmonitored" };
+    const names = (state, reason) => listed(groups.filter(([, { one }]) => one.state === state
+      && (reason === undefined || one.reason === reason)).map(([name]) => name));
+    const ok = names("ok");
+    const reasons = [...new Set(groups.filter(([, { one }]) => one.state === "unmonitored").map(([, { one }]) => one.reason))];
+    const idle = reasons.map((reason) => `${names("unmonitored", reason)}${reason ? ` – ${reason}` : ""}`);
+    if (!groups.length) return { fine: "No sensor has been heard yet.", idle: "", calm: "unmonitored" };
+    return {
+      fine: ok ? `✓ ok: ${ok}` : "", idle: idle.length ? `○ not judged: ${idle.join("; ")}` : "", calm: ok ? "ok" : "unmonitored",
+    };
   }
 
   show(digest, t_s) {
@@ -101,12 +124,14 @@ class Banner {
       mark(line, state, look);
       tell(line.querySelector("strong"), `${name} ${state === "suspect" ? look.word : look.word.toUpperCase()}`);
       const shape = one.kind && one.kind !== "unknown" && one.kind !== one.size ? `, ${one.kind}` : "";
-      tell(cell(line, "what"), state === "faulty" ? `${one.size ?? ""}${shape}` : "");
+      tell(cell(line, "what"), state === "faulty" ? pretty(`${one.size ?? ""}${shape}`) : "");
       const since_s = one.onset_t_s ?? one.t_s;
       tell(cell(line, "since"), t_s === null ? "" : `since ${minutes(since_s)} (${ago(t_s - since_s)} ago)`);
-      tell(cell(line, "why"), one.evidence || one.reason || "");
+      tell(cell(line, "why"), pretty(one.evidence || one.reason || ""));
     });
-    tell(byId("alarm-rest"), digest.rest);
+    const [fine, idle] = byId("alarm-rest").children;
+    tell(fine, digest.fine);
+    tell(idle, digest.idle);
   }
 
   /** Say aloud what is new, once. */
@@ -157,7 +182,7 @@ class StateTable {
   }
 }
 
-const unitOf = (unit) => (unit ?? "").replace("deg", "°").replace("^2", "²");
+const unitOf = (unit) => pretty((unit ?? "").replace("deg", "°"));
 
 /** Link, latency, recorder, daemon, streams, rejections, faults so far. */
 class Facts {
@@ -218,15 +243,15 @@ class Facts {
     const rows = Object.entries(rejected).flatMap(([sensor, reasons]) =>
       Object.entries(reasons).map(([reason, count]) => [`${sensor}/${reason}`, sensor, reason, thousands(count)]));
     this._rows("rejected", rows.sort(([a], [b]) => bySensor(a, b)), ["", "", "n"]);
-    byId("rejected-none").hidden = rows.length > 0;
+    none("rejected", !rows.length);
   }
 
   _faults(faults, events, t_s) {
-    const rows = faults.map((f) => [`f${f.number}`, f.sensor, [f.size, f.kind === "unknown" || f.kind === f.size ? "" : f.kind].filter(Boolean).join(", "), minutes(f.onset_t_s),
-      `${(f.isolated_t_s - f.onset_t_s).toFixed(1)} s`, f.cleared_t_s === null ? "stands" : minutes(f.cleared_t_s), f.evidence]);
+    const rows = faults.map((f) => [`f${f.number}`, f.sensor, [pretty(f.size), f.kind === "unknown" || f.kind === f.size ? "" : f.kind].filter(Boolean).join(", "), minutes(f.onset_t_s),
+      `${(f.isolated_t_s - f.onset_t_s).toFixed(1)} s`, f.cleared_t_s === null ? "stands" : minutes(f.cleared_t_s), pretty(f.evidence)]);
     const others = events.map((e) => [`e${e.number}`, e.what, e.state, minutes(e.onset_t_s), `${(e.detected_t_s - e.onset_t_s).toFixed(1)} s`,
       e.ended_t_s === null ? "stands" : minutes(e.ended_t_s), e.evidence]);
     this._rows("faults", [...rows, ...others], ["", "", "n", "n", "n", "why"]);
-    byId("faults-none").hidden = rows.length + others.length > 0;
+    none("faults", !rows.length && !others.length);
   }
 }

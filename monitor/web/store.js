@@ -10,6 +10,7 @@ class Store {
   /** @param {Set<string>} columns those that some chart draws; others are not kept */
   constructor(columns) {
     this.wanted = columns;
+    this.absent = new Set();  // sensors that are not fitted: what stands in for their values is none
     this.clear(0);
   }
 
@@ -21,6 +22,12 @@ class Store {
     this.newest = new Map();  // every name -> [t, low, high], or null where it is not known
     this.written = 0;
     this.frame = -1;
+  }
+
+  /** A sensor is not fitted, or is after all. */
+  fitted(sensor, is) {
+    if (is) this.absent.delete(sensor);
+    else { this.absent.add(sensor); this.columns.delete(sensor); this.newest.delete(sensor); }
   }
 
   get t_s() { return this.written ? this.t[(this.written - 1) % this.size] : null; }
@@ -56,6 +63,7 @@ class Store {
   }
 
   _put(name, low, high) {
+    if (this.absent.has(name)) return;
     this.newest.set(name, low === null ? null : [this.t_s, low, high]);
     if (!this.wanted.has(name)) return;
     let ring = this.columns.get(name);
@@ -128,11 +136,11 @@ function drawn(store, series, to_s, window_s, buckets) {
     }
     before = t;
   }
-  const n = 2 * starts.length + gaps.length;
+  const n = 2 * (starts.length + gaps.length);
   const x = new Float64Array(n);
   for (let b = 0, i = 0, g = 0; b < starts.length; b++) {
     const t = Math.max((Math.floor(store.t[starts[b] % store.size] / step) + 0.5) * step - to_s, -window_s);
-    if (gaps[g] === b) { x[i++] = t; g++; }
+    if (gaps[g] === b) { x[i] = i ? x[i - 1] : t; x[i + 1] = Math.min(t, 0); i += 2; g++; }
     x[i++] = Math.min(t, 0);
     x[i++] = Math.min(t, 0);
   }
@@ -153,7 +161,7 @@ function _draw(store, { column, std }, starts, end, gaps, n, out) {
   const { size, t } = store;
   let held_t = -Infinity, held = NaN, held_std = NaN;
   for (let b = 0, i = 0, g = 0; b < starts.length; b++) {
-    if (gaps[g] === b) { i++; g++; held_t = -Infinity; }
+    if (gaps[g] === b) { i += 2; g++; held_t = -Infinity; }
     const stop = b + 1 < starts.length ? starts[b + 1] : end;
     let low = Infinity, high = -Infinity, lost = false, spread = -Infinity;
     for (let row = starts[b]; row < stop; row++) {
@@ -184,5 +192,16 @@ function _draw(store, { column, std }, starts, end, gaps, n, out) {
       if (above[i] > out.edge_high) out.edge_high = above[i];
     }
     i += 2;
+  }
+  if (std) _close(below, above);
+}
+
+/** Where a band is not known it has no height: Bokeh would draw it across, from what was to what will be. */
+function _close(below, above) {
+  const first = below.findIndex((v) => v === v);
+  let middle = first < 0 ? NaN : (below[first] + above[first]) / 2;
+  for (let i = 0; i < below.length; i++) {
+    if (below[i] === below[i]) middle = (below[i] + above[i]) / 2;
+    else below[i] = above[i] = middle;
   }
 }

@@ -98,6 +98,26 @@ def test_what_is_drawn_is_what_was_said(daemon, visit):
     assert rows["x"][0] == pytest.approx(-100.0, abs=1.0)
 
 
+def test_a_gap_is_a_gap_in_lines_and_bands(daemon, visit):
+    """Five seconds are missing: the line breaks, and the band has no height between."""
+    first, history = until(100.0)
+    history["frames"] = [f for f in history["frames"] if not 70.0 < f["t_s"] < 75.0]
+    daemon.say(first, history)
+    page = visit(daemon.address).page
+    waits(page, "app.made.get('airspeed')?.drawn_ms > 0")
+    page.wait_for_timeout(300)
+    rows = page.evaluate(
+        "Object.fromEntries(Object.entries(app.made.get('airspeed').doc.get_model_by_name('rows')"
+        ".data).map(([name, values]) => [name, [...values].map(v => v === v ? v : null)]))"
+    )
+    holes = [i for i, v in enumerate(rows["air.cas_m_s"]) if v is None]
+    assert len(holes) == 2
+    assert [rows["x"][i] for i in holes] == pytest.approx([-30.0, -25.0], abs=0.6)
+    for i in holes:
+        assert rows["air.cas_m_s.low"][i] == rows["air.cas_m_s.high"][i]
+    assert rows["air.cas_m_s.high"][-1] - rows["air.cas_m_s.low"][-1] > 3.0
+
+
 def test_a_silent_vehicle_is_not_a_lost_connection(daemon, visit):
     daemon.say(*until(END_S))
     page = visit(daemon.address).page
