@@ -19,6 +19,7 @@ from monitor.commands.feed import write_log
 from monitor.learn.flights import digest
 from monitor.settings import Settings
 from monitor.settings.learnt import LearntLog, LearntSettings
+from monitor.traces import MEASURED
 from monitor.verdict import Verdict
 from sim_feeds.scenario import load
 
@@ -130,3 +131,13 @@ def test_on_a_narrow_screen_what_was_said_stands_below(written, capsys, monkeypa
     said = capsys.readouterr().out
     assert "\n  airspeed0 FAULTY: [/b]\n" in said
     assert "said in flight" not in said
+
+
+def test_every_quantity_that_is_traced_is_documented() -> None:
+    text = PAGE.read_text("utf-8")
+    rows = dict(re.findall(r"^\| `measured_([a-z]+?)0?`(?:\.\.\.)? \| (.+) \|$", text, re.M))
+    assert rows.keys() == MEASURED.keys()
+    for quantity, dtype in MEASURED.items():
+        columns = [name for name in dtype.names or () if name != "t_us"]
+        stems = {re.split(r"_(?:low|high|rad$)", name)[0] for name in columns}
+        assert set(re.findall(r"`(\w+)`", rows[quantity])) == stems

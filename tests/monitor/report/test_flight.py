@@ -7,6 +7,7 @@ import pytest
 
 from links.vocabulary import State
 from monitor.report.flight import Flight
+from tests.monitor.report.analysed import analysed
 
 
 def test_the_synthetic_flight_has_what_a_report_draws(flight: Flight) -> None:
@@ -111,3 +112,25 @@ def test_a_recorded_pitot_fault_is_in_its_series(recorded) -> None:
     states = {s.state for s in flight.spans["airspeed0"]}
     assert {State.OK, State.FAULTY, State.UNMONITORED} <= states
     assert flight.measured("throttle") is not None
+
+
+def test_a_vehicle_that_booted_anew_in_the_log_is_one_flight(synthetic_log, tmp_path) -> None:
+    """The same flight twice in one log: vehicle time goes on, and lines break where it began."""
+    data = synthetic_log.read_bytes()
+    (tmp_path / "twice.tlog").write_bytes(data + data)
+    flight = analysed(tmp_path / "twice.tlog")
+    (boot_s,) = flight.summary["log"]["boots_s"]
+    assert flight.duration_s == pytest.approx(2.0 * boot_s, rel=0.02)
+    for name in ("imu0.acc_x", "airspeed0", "gps0.speed", "heading"):
+        series = flight.measured(name, points=100_000)
+        assert series is not None
+        assert (np.diff(series.t_s) > 0).all()
+        assert series.t_s[-1] == pytest.approx(flight.duration_s, abs=2.0)
+    imu = flight.measured("imu0.acc_x")
+    assert imu is not None
+    (broken,) = imu.t_s[np.isnan(imu.low)]
+    assert broken == pytest.approx(boot_s, abs=1.0)
+    for spans in flight.spans.values():
+        assert [s.to_s for s in spans[:-1]] == [s.from_s for s in spans[1:]]
+        assert spans[-1].to_s == flight.duration_s
+    assert sum(s.state is State.FAULTY for s in flight.spans["airspeed0"]) >= 2
