@@ -8,7 +8,17 @@ import numpy as np
 
 from monitor.pages import palette
 from monitor.pages.charts import TimeChart, time_chart
-from monitor.report.panels import Derived, banded, instances, shade_faults, shaded_words, stacked
+from monitor.report.panels import (
+    TESTS_SAID,
+    Derived,
+    Tested,
+    banded,
+    instances,
+    shade_faults,
+    shaded_words,
+    stacked,
+    tests_chart,
+)
 from monitor.report.section import Chart, Part, Section
 from monitor.report.wording import listed
 
@@ -53,7 +63,8 @@ def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
     over = time_chart(axis, "speed", "m/s")
     over.line(flight.estimate("air", "tas_m_s"), "true airspeed", palette.RECONSTRUCTED)
     over.line(flight.measured("gps0.speed"), "ground speed (gps0)", palette.MORE[4])
-    charts = stacked([cas, near, over])
+    tests = tests_chart(flight, axis, _tested(pitots))
+    charts = stacked([cas, near, over, tests])
     if not charts:
         return []
     shade_faults(charts, flight)
@@ -63,11 +74,16 @@ def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
         Chart(
             "air-speed",
             charts,
-            f"{against}{closer}; below it true airspeed and speed over ground.",
+            f"{against}{closer}; below it true airspeed and speed over ground."
+            f"{' ' + TESTS_SAID if tests.legend else ''}",
             f"Time chart. {against}, with its 2-sigma band; true airspeed and ground speed."
             f"{shaded_words(flight.summary)}",
         )
     ]
+
+
+def _tested(sensors: list[str]) -> list[Tested]:
+    return [Tested(s, s, tone) for s, tone in zip(sensors, palette.MORE, strict=False)]
 
 
 def _draw_speeds(chart: TimeChart, flight: Flight, pitots: list[str]) -> None:
@@ -102,7 +118,8 @@ def _angles(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
     _estimated(aoa, flight, "aoa_rad", "aoa_std_rad")
     slip = time_chart(axis, "sideslip", "rad", height=160)
     _estimated(slip, flight, "ssa_rad", "ssa_std_rad")
-    charts = stacked([aoa, slip])
+    tests = tests_chart(flight, axis, _tested(vanes))
+    charts = stacked([aoa, slip, tests])
     if not charts:
         return []
     shade_faults(charts, flight)
@@ -115,7 +132,8 @@ def _angles(flight: Flight, axis: Range1d, vanes: list[str]) -> list[Part]:
         Chart(
             "air-angles",
             charts,
-            f"{against}. Sideslip is positive with the wind from the right.",
+            f"{against}. Sideslip is positive with the wind from the right."
+            f"{' ' + TESTS_SAID if tests.legend else ''}",
             f"Time chart of angle of attack and sideslip in degrees. {against}."
             f"{shaded_words(flight.summary)}",
         )

@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 
 from monitor.pages import palette
 from monitor.pages.charts import TimeChart, time_chart
-from monitor.report.panels import Derived, instances, shade_faults, shaded_words, stacked
+from monitor.report.panels import (
+    TESTS_SAID,
+    Derived,
+    Tested,
+    instances,
+    shade_faults,
+    shaded_words,
+    stacked,
+    tests_chart,
+)
 from monitor.report.section import Chart, Section
 from monitor.report.wording import listed
 from monitor.verdict import N_SHAFTS
@@ -22,11 +31,16 @@ __all__ = ["section"]
 def section(flight: Flight, axis: Range1d) -> Section | None:
     """Speeds, throttle and climb power; None without any of them."""
     speeds, throttle, power = (make(flight, axis) for make in (_speeds, _throttle, _power))
-    charts = stacked([speeds, throttle, power])
+    channels = instances(flight, "spool")
+    tested = [
+        *(Tested(s, s, palette.MORE[k % len(palette.MORE)]) for k, s in enumerate(channels)),
+        *(Tested(f"engine{k}", f"engine{k}", palette.SOFT, "dashed") for k in range(N_SHAFTS)),
+    ]
+    tests = tests_chart(flight, axis, tested)
+    charts = stacked([speeds, throttle, power, tests])
     if not charts:
         return None
     shade_faults(charts, flight)
-    channels = instances(flight, "spool")
     modelled = any(
         flight.estimate("engine", f"speed_{k + 1}_rpm") is not None for k in range(N_SHAFTS)
     )
@@ -47,7 +61,7 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
             Chart(
                 "engine-speeds",
                 charts,
-                _caption(power),
+                _caption(power) + (f" {TESTS_SAID}" if tests.legend else ""),
                 f"Time charts of the engine. {said}{shaded_words(flight.summary)}",
             )
         ],

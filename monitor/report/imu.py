@@ -5,8 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from monitor.pages import palette
-from monitor.pages.charts import TimeChart, time_chart
-from monitor.report.panels import banded, instances, shade_faults, shaded_words, stacked
+from monitor.pages.charts import LegendEntry, TimeChart, time_chart
+from monitor.report.panels import (
+    TESTS_SAID,
+    Tested,
+    banded,
+    instances,
+    shade_faults,
+    shaded_words,
+    stacked,
+    tests_chart,
+)
 from monitor.report.section import Chart, Part, Section
 
 if TYPE_CHECKING:
@@ -25,7 +34,8 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
         gyro = time_chart(axis, "gyro error", "rad/s")
         _axes(acc, flight, imu, "acc", "m_s2", flight.settings.imu.acc_size_m_s2, "m/s^2")
         _axes(gyro, flight, imu, "gyro", "rad_s", flight.settings.imu.gyro_size_rad_s, "rad/s")
-        charts = stacked([acc, gyro])
+        tests = _tests(flight, axis, imu)
+        charts = stacked([acc, gyro, tests])
         if not charts:
             continue
         shade_faults(charts, flight)
@@ -35,7 +45,7 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
                 charts,
                 f"{imu}: reconstructed error of each axis with its 2-sigma band. The dashed lines "
                 f"are the least change that is called a fault; an offset from the start is a "
-                f"turn-on bias, and none.",
+                f"turn-on bias, and none.{' ' + TESTS_SAID if tests.legend else ''}",
                 f"Time charts of {imu}: errors of the three accelerometers and the three gyros."
                 f"{shaded_words(flight.summary)}",
             )
@@ -47,6 +57,24 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
         "attitude and the other IMUs. An axis in order stays where it began, but for a slow drift."
     )
     return Section("imu", "IMU errors", lead, parts)
+
+
+def _tests(flight: Flight, axis: Range1d, imu: str) -> TimeChart:
+    """Tests of the six axes; the legend names the colours once and the two kinds by their lines."""
+    shown = [
+        Tested(f"{imu}.{kind}_{letter}", f"{kind} {letter}", tone, dash)
+        for kind, dash in (("acc", "solid"), ("gyro", "dotted"))
+        for letter, tone in zip("xyz", palette.AXES, strict=True)
+    ]
+    chart = tests_chart(flight, axis, shown)
+    if chart.legend:
+        others = [entry for entry in chart.legend if not entry.name.startswith(("acc", "gyro"))]
+        kinds = [
+            LegendEntry("test of acc", palette.INK),
+            LegendEntry("of gyro", palette.INK, "dotted"),
+        ]
+        chart.legend = [*kinds, *others]
+    return chart
 
 
 def _axes(

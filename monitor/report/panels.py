@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from links.vocabulary import State
 from monitor.pages import palette
-from monitor.pages.charts import LegendEntry
+from monitor.pages.charts import LegendEntry, time_chart
 from monitor.report.wording import clock, listed
 
 if TYPE_CHECKING:
+    from bokeh.models import Range1d
+
     from monitor.pages.charts import Curve, TimeChart
     from monitor.report.flight import Flight
 
 __all__ = [
     "ONE_BAND",
+    "TESTS_SAID",
     "Derived",
+    "Tested",
     "banded",
     "fault_spans",
     "instances",
@@ -28,6 +32,7 @@ __all__ = [
     "shade_faults",
     "shaded_words",
     "stacked",
+    "tests_chart",
 ]
 
 Floats = NDArray[np.floating[Any]]
@@ -41,6 +46,9 @@ LEFT_PX = 70
 """Room for numbers and label on the left: signs and three digits have it too."""
 WIDE = 2.0
 """A deviation so many times its usual one is of the time before anything was known."""
+MOST_RATIO = 5.0
+"""Where the axis of test statistics ends; a fault's may be a hundred."""
+TESTS_SAID = "The tests stand below: 1 is the threshold, and a verdict takes more than a moment."
 ONE_BAND = LegendEntry("2σ of each", palette.BAND, "band")
 
 
@@ -151,6 +159,37 @@ def settled(mean: Curve | None, std: Curve | None) -> Derived | None:
     known = std.high <= WIDE * float(np.nanmedian(std.high))
     low, high = (np.where(known, values, np.nan) for values in (mean.low, mean.high))
     return Derived(mean.t_s, low, high, mean.unit)
+
+
+class Tested(NamedTuple):
+    """A sensor whose test is drawn: its name in the summary, in the chart, and its line."""
+
+    sensor: str
+    name: str
+    tone: palette.Tone
+    dash: str = "solid"
+
+
+def tests_chart(flight: Flight, axis: Range1d, sensors: Sequence[Tested]) -> TimeChart:
+    """How near each sensor came to a verdict: its test statistic over the threshold.
+
+    What goes beyond :data:`MOST_RATIO` leaves the chart: how far, its evidence shows.
+    """
+    from bokeh.models import Range1d as Range
+
+    found = [(t, flight.test(t.sensor)) for t in sensors]
+    peaks = [
+        float(np.nanmax(curve.high))
+        for _, curve in found
+        if curve is not None and np.isfinite(curve.high).any()
+    ]
+    top = min(max([1.3, *(1.1 * peak for peak in peaks)]), MOST_RATIO)
+    chart = time_chart(axis, "test / threshold", height=150, y_range=Range(0.0, top))
+    for tested, curve in found:
+        chart.line(curve, tested.name, tested.tone, dash=tested.dash, width=1.2)
+    if chart.legend:
+        chart.threshold(1.0)
+    return chart
 
 
 def stacked(charts: Sequence[TimeChart]) -> list[TimeChart]:

@@ -8,12 +8,15 @@ from monitor.pages import palette
 from monitor.pages.charts import TimeChart, time_chart
 from monitor.report.panels import (
     ONE_BAND,
+    TESTS_SAID,
     Derived,
+    Tested,
     banded,
     settled,
     shade_faults,
     shaded_words,
     stacked,
+    tests_chart,
 )
 from monitor.report.section import Chart, Section
 
@@ -28,6 +31,13 @@ EVERY_ROW: Final = 200_000
 """More points than a flight of a day has rows, so that differences are of single rows."""
 ROWS_SHOWN: Final = 2_400
 """A difference moves slowly: of more rows than this, every second, third ... is drawn."""
+
+
+_TESTED: Final = tuple(
+    Tested(f"wing_{side}.{part}", f"{side} {part}", tone, dash)
+    for side, tone in zip(("right", "left"), palette.MORE, strict=False)
+    for part, dash in (("lift", "solid"), ("drag", "dotted"))
+)
 
 
 class _Force(NamedTuple):
@@ -45,9 +55,9 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
         _Force("lift", "lift lost", settings.lift_percent),
         _Force("drag", "drag gained", settings.drag_percent),
     )
-    charts = stacked(
-        [make(flight, axis, force) for force in forces for make in (_difference, _each)]
-    )
+    tests = tests_chart(flight, axis, _TESTED)
+    shown = [make(flight, axis, force) for force in forces for make in (_difference, _each)]
+    charts = stacked([*shown, tests])
     if not charts:
         return None
     shade_faults(charts, flight)
@@ -68,7 +78,8 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
                 "wing's lift and drag. Positive is a right wing that is worse; the dashed lines "
                 "are the least difference called damage, which must exceed its deviation too: "
                 f"{settings.lift_sigmas:g} times in lift, {settings.drag_sigmas:g} times in drag "
-                "or as the airframe's own flights taught.",
+                "or as the airframe's own flights taught."
+                + (f" {TESTS_SAID}" if tests.legend else ""),
                 "Time charts of lift lost and drag gained: the difference between the wings with "
                 "its limits, and each wing with its 2-sigma band." + shaded_words(flight.summary),
             )

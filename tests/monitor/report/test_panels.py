@@ -10,6 +10,7 @@ import pytest
 
 from monitor.report import air, engine, imu, wing
 from monitor.report.section import Chart, Section
+from monitor.verdict import AIR_TESTS, IMU_TESTS
 from tests.monitor.report import small_flight as small
 from tests.monitor.report.summaries import fault, stream, watched
 
@@ -214,3 +215,25 @@ def test_tools_stand_once_and_the_axis_is_named_once_in_a_stack() -> None:
     found = list(figures(wing.section(flight, axis_of(flight))))
     assert [figure.toolbar_location for figure in found] == ["above", None, None, None]
     assert [bool(figure.xaxis[0].axis_label) for figure in found] == [False, False, False, True]
+
+
+def test_tests_stand_below_up_to_where_they_can_be_read() -> None:
+    ratios = small.rows(IMU_TESTS, acc_x_ratio=np.where(T_S > 150.0, 40.0, 0.2), gyro_z_ratio=0.3)
+    flight = small.flight({"imu0": small.imu(), "imu0_tests": ratios})
+    section = imu.section(flight, axis_of(flight))
+    *_, tests = figures(section)
+    assert (tests.y_range.start, tests.y_range.end) == (0.0, 5.0)
+    assert limits(tests) == [1.0]
+    drawn = [r for r in tests.renderers if type(r.glyph).__name__ == "Line" and r.glyph.line_alpha]
+    assert {tuple(r.glyph.line_dash) for r in drawn} == {(), (2, 4)}
+    assert {"test of acc", "of gyro", "threshold"} <= set(curves(section))
+
+
+def test_quiet_tests_fill_their_chart() -> None:
+    ratios = small.rows(AIR_TESTS, airspeed0_ratio=0.4)
+    flight = small.flight({"air": small.air(), "air_tests": ratios})
+    section = air.section(flight, axis_of(flight))
+    assert section is not None
+    (chart,) = [p for p in section.parts if isinstance(p, Chart) and p.key == "air-speed"]
+    assert chart.models[-1].y_range.end == pytest.approx(1.3)
+    assert "1 is the threshold" in chart.caption
