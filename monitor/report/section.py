@@ -153,7 +153,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Parts behind a line that opens them; the keyboard reaches it, and print shows the open ones."""
+    """Parts behind a line that opens them; the keyboard reaches it; print shows the open ones."""
 
     title: str
     parts: Sequence[Part]
