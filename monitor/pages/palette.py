@@ -100,7 +100,7 @@ LOOKS: Final = MappingProxyType(
         ),
         State.FAULTY: Look(Tone("#cf3f00", "#ff6a2b"), "✕", "", 1.00, "faulty"),
         State.STOPPED: Look(Tone("#7a3f78", "#d48bd1"), "■", "cross", 1.00, "stopped"),
-        State.STALE: Look(Tone("#8c6bb1", "#b9a0dc"), "…", "horizontal_line", 0.55, "stale"),
+        State.STALE: Look(Tone("#8563ab", "#b9a0dc"), "…", "horizontal_line", 0.55, "stale"),
         State.UNMONITORED: Look(
             Tone("#b3b9c0", "#5c636b"), "○", "left_diagonal_line", 0.30, "unmonitored"
         ),

@@ -49,6 +49,10 @@
     return named(n => n === name) ?? named(n => n.startsWith(name));
   };
 
+  // A node and all below it, those in shadow trees too.
+  const within = node =>
+    [node, ...[...(node.shadowRoot?.children ?? []), ...(node.children ?? [])].flatMap(within)];
+
   const stops = (window.__tabStops ??= []);
 
   return {
@@ -123,6 +127,16 @@
 
     blur: () => document.activeElement?.blur(),
 
+    remember: selector => {
+      const place = document.querySelector(selector);
+      const texts = ((window.__remembered ??= {})[selector] = new Set([place.innerText]));
+      new MutationObserver(() => texts.add(place.innerText)).observe(place, {
+        subtree: true, childList: true, characterData: true,
+      });
+    },
+
+    remembered: selector => [...window.__remembered[selector]],
+
     // -- Figures -----------------------------------------------------------------------------
     drawn: () =>
       document.readyState === "complete" &&
@@ -141,6 +155,26 @@
           background: view.model.background_fill_color,
         };
       }),
+
+    // Texts of the boxes that stand under the pointer; they live in shadow trees.
+    tips: () =>
+      within(document.body)
+        .filter(e => e.classList?.contains("bk-Tooltip") && e.shadowRoot && e.checkVisibility())
+        .map(e => within(e.shadowRoot).filter(c => c.tagName !== "STYLE" && !c.children?.length)
+          .map(c => c.textContent.trim()).filter(Boolean).join(" "))
+        .filter(Boolean),
+
+    inks: place => {
+      const canvases = [...document.querySelectorAll(place)].flatMap(within)
+        .filter(e => e.tagName === "CANVAS" && e.width && e.height);
+      const inks = new Set();
+      for (const canvas of canvases) {
+        const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+        for (let i = 0; i < data.length; i += 4)
+          if (data[i + 3] > 200) inks.add((data[i] >> 4 << 8) | (data[i + 1] >> 4 << 4) | data[i + 2] >> 4);
+      }
+      return inks.size;
+    },
 
     scrollTo: name => {
       const view = figureView(name);

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from .visits import DESK, PHONE, Visit, find_chromium, flags, host_of
+
+COMMAND = (sys.executable, "-m", "monitor.cli")
 
 
 def missing(what: str) -> None:
@@ -44,37 +49,59 @@ def chromium():
         browser.close()
 
 
-@pytest.fixture
-def visit(chromium, screens):
-    """Opens a page: ``visit(url, dark=False, phone=False)``; fails the test if it misbehaves.
+class Visits:
+    """Opens pages; at the end none of them may have done what no page of ours does.
 
-    ``forgiven`` holds words of complaints that the test brings about itself.
+    ``forgiven`` holds words of complaints that a test brings about itself.
     """
-    visits: list[Visit] = []
-    contexts = []
-    forgiven: list[str] = []
 
-    def open_page(url: str | Path, dark: bool = False, phone: bool = False, **options) -> Visit:
+    def __init__(self, browser, screens: Path | None) -> None:
+        self._browser = browser
+        self._screens = screens
+        self._opened: list[Visit] = []
+        self.forgiven: list[str] = []
+
+    def __call__(
+        self, url: str | Path, dark: bool = False, phone: bool = False, **options
+    ) -> Visit:
         address = url.as_uri() if isinstance(url, Path) else url
-        context = chromium.new_context(
-            viewport=PHONE if phone else DESK,
-            color_scheme="dark" if dark else "light",
-            has_touch=phone,
-            is_mobile=phone,
-            device_scale_factor=2 if phone else 1,
-            **options,
+        context = self._browser.new_context(
+            **{
+                "viewport": PHONE if phone else DESK,
+                "color_scheme": "dark" if dark else "light",
+                "has_touch": phone,
+                "is_mobile": phone,
+                "device_scale_factor": 2 if phone else 1,
+                **options,
+            }
         )
-        contexts.append(context)
         socket = host_of(address).replace("http:", "ws:", 1)
-        visited = Visit(context.new_page(), (host_of(address), socket), screens)
+        visited = Visit(context.new_page(), (host_of(address), socket), self._screens)
         visited.watch()
-        visits.append(visited)
+        self._opened.append(visited)
         visited.page.goto(address)
         return visited
 
-    open_page.forgiven = forgiven
-    yield open_page
-    problems = [p for v in visits for p in v.problems() if not any(f in p for f in forgiven)]
-    for context in contexts:
-        context.close()
+    def close(self) -> list[str]:
+        """Close all; return what they did wrong."""
+        problems = [p for visited in self._opened for p in visited.problems()]
+        for visited in self._opened:
+            visited.page.context.close()
+        return [p for p in problems if not any(words in p for words in self.forgiven)]
+
+
+@contextmanager
+def visiting(browser, screens: Path | None) -> Iterator[Visits]:
+    visits = Visits(browser, screens)
+    try:
+        yield visits
+    finally:
+        problems = visits.close()
     assert not problems, "\n".join(problems)
+
+
+@pytest.fixture
+def visit(chromium, screens):
+    """Opens a page: ``visit(url, dark=False, phone=False)``; fails the test if it misbehaves."""
+    with visiting(chromium, screens) as visits:
+        yield visits

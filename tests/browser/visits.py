@@ -83,10 +83,20 @@ class Visit:
         foreign = [url for url in self.requests if not url.startswith((*self.allowed, "data:"))]
         return [f"asked for {url}" for url in foreign] + self.complaints
 
-    def screen(self, name: str, full: bool = True) -> None:
-        """Keep a picture for people to look at, if a folder for them was given."""
-        if self.screens is not None:
-            self.page.screenshot(path=self.screens / f"{name}.png", full_page=full)
+    def screen(self, name: str) -> None:
+        """Keep a picture of the whole page for people to look at, if a folder was given for it.
+
+        The window is made as high as the page: charts that are off the screen are not drawn.
+        """
+        if self.screens is None:
+            return
+        window = self.page.viewport_size
+        height = self.page.evaluate("document.documentElement.scrollHeight")
+        self.page.set_viewport_size({"width": window["width"], "height": height})
+        self.wait_drawn()
+        self.page.wait_for_timeout(400)
+        self.page.screenshot(path=self.screens / f"{name}.png")
+        self.page.set_viewport_size(window)
 
     def text(self) -> str:
         """All text that a reader of the page sees, figures' shadow trees left out."""
@@ -135,6 +145,17 @@ class Visit:
             assert time.monotonic() < end_s, f"Bokeh has not drawn its figures in {timeout_s:g} s"
             self.page.wait_for_timeout(50)
 
+    def remember(self, selector: str) -> None:
+        """From now on keep every text that this place shows, however short a time it stands."""
+        self._check("remember", selector)
+
+    def remembered(self, selector: str) -> list[str]:
+        return self._check("remembered", selector)
+
+    def inks(self, place: str) -> int:
+        """How many colours the canvases in this place (a CSS selector) show: 1 when blank."""
+        return self._check("inks", place)
+
     def hover(self, name: str, x: float, y: float | None = None) -> str:
         """Text of the tooltips that the mouse raises in a figure; empty where it raises none.
 
@@ -151,9 +172,8 @@ class Visit:
         at = self._check("point", [name, x, y])
         self.page.mouse.move(at["x"] - 3, at["y"])
         self.page.mouse.move(at["x"], at["y"], steps=3)
-        tips = self.page.locator(".bk-Tooltip:visible")
         for _ in range(20):
-            if said := "\n".join(tips.all_inner_texts()):
+            if said := "\n".join(self._check("tips")):
                 return said
             self.page.wait_for_timeout(50)
         return ""
