@@ -140,9 +140,8 @@ def _chart(flight: Flight, axis: Range1d, order: Sequence[str]) -> Chart:
             major_label_text_color=palette.INK.light,
             major_label_policy=AllLabels(),
         )
-    hrefs = _hrefs(flight.summary)
     states = [state for state in LOOKS if any(_has(flight.spans[s], state) for s in order)]
-    drawn = [_bars(made, flight, order, state, hrefs) for state in states]
+    drawn = [_bars(made, flight, order, state) for state in states]
     made.add_tools(
         HoverTool(
             renderers=[_rows(made, flight, order)],
@@ -202,7 +201,6 @@ def _bars(
     flight: Flight,
     order: Sequence[str],
     state: State,
-    hrefs: Mapping[tuple[str, float], str],
 ) -> Any:
     """All bars of one state, and its word where there is room."""
     from bokeh.core.properties import value
@@ -216,10 +214,7 @@ def _bars(
         "to": [round(span.to_s, 2) for _, span in spans],
     }
     if state in _LOUD:
-        columns["href"] = [
-            hrefs.get((n, at), "#sensors")
-            for n, at in zip(columns["sensor"], columns["from"], strict=True)
-        ]
+        columns["href"] = [_href(flight.summary, sensor, span) for sensor, span in spans]
     bars = made.hbar(
         y="sensor",
         left="from",
@@ -280,15 +275,17 @@ def _lead_to_evidence(made: Figure, bars: Sequence[Any]) -> None:
         )
 
 
-def _hrefs(summary: Mapping[str, Any]) -> dict[tuple[str, float], str]:
-    """Sensor and start of its span -> where the evidence stands."""
-    out = {
-        (fault["sensor"], round(fault["isolated_s"], 2)): f"#{fault_key(k)}"
-        for k, fault in enumerate(summary["faults"])
-    }
+def _href(summary: Mapping[str, Any], sensor: str, span: Span) -> str:
+    """Where the evidence of a bar stands: that of the newest fault or event at its beginning."""
+    at_s = span.from_s + 0.01
+    found = "#sensors"
+    for k, fault in enumerate(summary["faults"]):
+        if fault["sensor"] == sensor and fault["onset_s"] <= at_s:
+            found = f"#{fault_key(k)}"
     for k, event in enumerate(summary["events"]):
-        out[event["what"], round(event["detected_s"], 2)] = f"#{event_key(k)}"
-    return out
+        if event["what"] == sensor and event["onset_s"] <= at_s:
+            found = f"#{event_key(k)}"
+    return found
 
 
 def _said(span: Span) -> str:
