@@ -224,18 +224,17 @@ def _bars(
         fill_color=look.tone.light,
         line_color=look.tone.light,
         line_width=2 if state in _LOUD else 0.5,
-        nonselection_fill_alpha=1.0,
-        nonselection_line_alpha=1.0,
     )
+    # A bar that was tapped looks like the others, in the dark too.
+    bars.update(selection_glyph=bars.glyph, nonselection_glyph=bars.glyph)
     if look.hatch:
-        for glyph in (bars.glyph, bars.nonselection_glyph):
-            glyph.update(
-                hatch_pattern=look.hatch,
-                hatch_color=palette.PAPER.light,
-                hatch_alpha=0.55,
-                hatch_scale=7,
-                hatch_weight=1.5,
-            )
+        bars.glyph.update(
+            hatch_pattern=look.hatch,
+            hatch_color=palette.PAPER.light,
+            hatch_alpha=0.55,
+            hatch_scale=7,
+            hatch_weight=1.5,
+        )
     if state in _LOUD:
         wide = [
             i for i, (_, s) in enumerate(spans) if s.to_s - s.from_s > WORDED * flight.duration_s
