@@ -1,18 +1,18 @@
 """For each fault and event of a flight, what makes one believe it, or see why not.
 
 A finding gets its evidence sentence, a table of what was decided when and by what, and charts
-zoomed to its onset (:mod:`monitor.report.evidence_charts`). Findings beyond :data:`FULL` stand in
+zoomed to its onset (:mod:`monitor.report.evidence_charts`). Findings beyond a score stand in
 a table, so that a log with hundreds of them stays a page.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from links.vocabulary import Kind
 from monitor.pages.html import clock
-from monitor.report.evidence_cases import Case, Group, cases_of, chosen, groups_of
+from monitor.report.evidence_cases import FULL, MORE_KEY, Case, Group, cases_of, chosen, groups_of
 from monitor.report.evidence_charts import charts_of
 from monitor.report.evidence_data import subject_of
 from monitor.report.evidence_scene import Scene
@@ -24,21 +24,18 @@ from monitor.report.evidence_words import (
     size_words,
     statistic_words,
 )
-from monitor.report.section import Column, Link, Part, Section, Table, Text, event_key, fault_key
+from monitor.report.section import Column, Part, Section, Table, Text
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d
 
     from monitor.report.flight import Flight
 
-__all__ = ["FULL", "anchors", "section"]
+__all__ = ["section"]
 
-FULL: Final = 20
-"""Sections with charts, at most."""
-LISTED: Final = 500
+LISTED: Final = 300
 """Rows of the table of the others, at most."""
 KEY: Final = "evidence"
-MORE_KEY: Final = "evidence-more"
 
 
 def section(flight: Flight, axis: Range1d) -> Section | None:
@@ -55,8 +52,7 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
         return None
     groups = groups_of(cases, flight.duration_s)
     full = chosen(groups, FULL)
-    keys = _keys(flight.summary)
-    parts: list[Part] = [_section(flight, group, keys) for group in full]
+    parts: list[Part] = [_section(flight, group) for group in full]
     rest = [
         case for group in groups if not any(group is one for one in full) for case in group.cases
     ]
@@ -75,28 +71,8 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
     return Section(KEY, "Evidence", lead, parts)
 
 
-def anchors(flight: Flight) -> dict[str, str]:
-    """Key of each finding -> the anchor where its evidence stands, its own or a shared one."""
-    groups = groups_of(cases_of(flight.summary), flight.duration_s)
-    full = chosen(groups, FULL)
-    keys = _keys(flight.summary)
-    found = {}
-    for group in groups:
-        drawn = any(group is one for one in full)
-        for case in group.cases:
-            found[keys[id(case.found)]] = keys[id(group.cases[0].found)] if drawn else MORE_KEY
-    return found
-
-
-def _keys(summary: Mapping[str, Sequence[Mapping[str, object]]]) -> dict[int, str]:
-    """Identity of a finding's entry in the summary -> its key."""
-    keys = {id(found): fault_key(k) for k, found in enumerate(summary.get("faults", ()))}
-    return keys | {id(found): event_key(k) for k, found in enumerate(summary.get("events", ()))}
-
-
-def _section(flight: Flight, group: Group, keys: Mapping[int, str]) -> Section:
+def _section(flight: Flight, group: Group) -> Section:
     first = group.cases[0]
-    key = keys[id(first.found)]
     streams = [str(stream["sensor"]) for stream in flight.summary.get("streams", ())]
     subject = subject_of(first.sensor, streams, flight.settings)
     sentences = list(dict.fromkeys(_sentence(case) for case in group.cases))
@@ -105,8 +81,8 @@ def _section(flight: Flight, group: Group, keys: Mapping[int, str]) -> Section:
     if subject is None:
         parts.append(Text(f"Nothing is known to draw of {first.sensor}.", "soft"))
     else:
-        parts += charts_of(Scene(flight, group, subject, key))
-    return Section(key, group_heading(group, subject), sentences[0], parts)
+        parts += charts_of(Scene(flight, group, subject, first.key))
+    return Section(first.key, group_heading(group, subject), sentences[0], parts)
 
 
 def _sentence(case: Case) -> str:
@@ -179,7 +155,7 @@ def _table_of(cases: Sequence[Case]) -> Section:
         Column("size", number=True),
         Column("evidence", long=True),
     ]
-    rows: list[list[str | Link]] = [
+    rows: list[list[str]] = [
         [
             case.sensor,
             clock(case.onset_s),

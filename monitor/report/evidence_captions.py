@@ -54,14 +54,10 @@ def measured(scene: Scene) -> str:
     if scene.own is None:
         return "What it measured was not recorded."
     if not math.isfinite(should):
-        read = (
-            f"Just after the verdict it read {_value(reads, unit)}" if math.isfinite(reads) else ""
-        )
+        read = f"{scene.when} it read {_value(reads, unit)}" if math.isfinite(reads) else ""
         return f"{read or 'It sent nothing then'}. Nothing told then what it should have shown."
     give = f" ± {size_words(2.0 * std, unit)}" if math.isfinite(std) else ""
-    read = (
-        f"Just after the verdict it read {_value(reads, unit)} where {_value(should, unit)}{give} "
-    )
+    read = f"{scene.when} it read {_value(reads, unit)} where {_value(should, unit)}{give} "
     before = _agreement(scene)
     said = (
         f"Until {clock(case.onset_s)} it was within {size_words(before, unit)} of what it should "
@@ -84,10 +80,9 @@ def error(scene: Scene, limit: Limit | None) -> str:
     unit = scene.subject.unit
     size, std = value_at(scene.error, scene.said_s), value_at(scene.error_std, scene.said_s)
     give = f" ± {size_words(2.0 * std, unit)} (2σ)" if math.isfinite(std) else ""
-    when = "With the verdict" if scene.subject.error is None else "Just after the verdict"
-    said = f"{when} the error was {signed(size, unit)}{give}."
+    said = f"{scene.when} the error was {signed(size, unit)}{give}."
     if not math.isfinite(size):
-        said = f"{when} the error was not known."
+        said = f"{scene.when} the error was not known."
     if limit is not None:
         low, high = (float(b) for b in limit.bounds(value_at(scene.expected, scene.said_s)))
         bound = high if size >= 0.0 or not math.isfinite(low) else low
@@ -95,8 +90,8 @@ def error(scene: Scene, limit: Limit | None) -> str:
             said += f" A fault must pass {signed(bound, unit)} ({limit.key})."
     if scene.subject.family in (Family.ACC, Family.GYRO):
         return (
-            f"{said} The filters believe the sensor until it is named, so the estimate jumps "
-            "there; the small bias that they had learnt before is in it."
+            f"{said} The filters believe the sensor until it is named and take its error over "
+            "then, within some seconds; the small bias that they had learnt before is in it."
         )
     if scene.case.kind in _UNSIZED:
         return f"{said} Its size says little here: look at how it moves."
@@ -158,7 +153,7 @@ def inertial(scene: Scene, mean: Series | None, freed: Series | None) -> str:
     reads, should = value_at(mean, scene.said_s), value_at(freed, scene.said_s)
     if not math.isfinite(reads):
         return "It gave no samples when it was named."
-    said = f"Just after the verdict it read {_value(reads, unit)} on average over a second"
+    said = f"{scene.when} it read {_value(reads, unit)} on average over a second"
     if not math.isfinite(should):
         return f"{said}; what it should have read was not estimated then."
     return (

@@ -11,8 +11,20 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from links.vocabulary import Kind
+from monitor.report.section import event_key, fault_key
 
-__all__ = ["Case", "Group", "cases_of", "chosen", "groups_of", "window_of"]
+__all__ = [
+    "APART_S",
+    "FULL",
+    "MORE_KEY",
+    "Case",
+    "Group",
+    "anchors",
+    "cases_of",
+    "chosen",
+    "groups_of",
+    "window_of",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +41,8 @@ class Case:
         When it was over; None if it lasted until the log's end [s].
     found
         The entry of the summary.
+    key
+        Its anchor in the report (:func:`monitor.report.section.fault_key`).
     is_event
         It is no sensor's fault: an engine stopped.
     """
@@ -39,6 +53,7 @@ class Case:
     isolated_s: float
     cleared_s: float | None
     found: Mapping[str, Any] = field(repr=False)
+    key: str = ""
     is_event: bool = False
 
     @property
@@ -53,28 +68,40 @@ class Case:
 
 def cases_of(summary: Mapping[str, Any]) -> list[Case]:
     """Faults and events of a flight, in order of detection."""
-    cases = []
-    for found in summary.get("faults", ()):
-        cases.append(
-            Case(
-                found["sensor"],
-                found["onset_s"],
-                found["detected_s"],
-                found.get("isolated_s") or found["detected_s"],
-                found["cleared_s"],
-                found,
-            )
+    cases = [
+        Case(
+            found["sensor"],
+            found["onset_s"],
+            found["detected_s"],
+            found["isolated_s"],
+            found["cleared_s"],
+            found,
+            fault_key(k),
         )
-    for found in summary.get("events", ()):
-        at_s = found["detected_s"]
-        cases.append(
-            Case(
-                found["what"], found["onset_s"], at_s, at_s, found["ended_s"], found, is_event=True
-            )
+        for k, found in enumerate(summary["faults"])
+    ]
+    cases += [
+        Case(
+            found["what"],
+            found["onset_s"],
+            found["detected_s"],
+            found["detected_s"],
+            found["ended_s"],
+            found,
+            event_key(k),
+            is_event=True,
         )
+        for k, found in enumerate(summary["events"])
+    ]
     return sorted(cases, key=lambda case: (case.detected_s, case.isolated_s, case.sensor))
 
 
+FULL: Final = 20
+"""Groups with charts, at most."""
+MORE_KEY: Final = "evidence-more"
+"""Anchor of the table of the others."""
+APART_S: Final = 0.15
+"""Detection and isolation closer than this are one moment [s]."""
 LEAD_S: Final = 12.0
 """At least so much is shown before an onset, to see that measured and expected agreed [s]."""
 TAIL_S: Final = 15.0
@@ -193,3 +220,14 @@ def chosen(groups: Sequence[Group], most: int) -> list[Group]:
         rank = seen[group.sensor] = seen.get(group.sensor, -1) + 1
         ranked.append((rank, at))
     return [groups[at] for _, at in sorted(sorted(ranked)[:most], key=lambda pair: pair[1])]
+
+
+def anchors(summary: Mapping[str, Any], end_s: float) -> dict[str, str]:
+    """Key of each finding -> the anchor where its evidence stands, its own or a shared one."""
+    groups = groups_of(cases_of(summary), end_s)
+    drawn = {id(group) for group in chosen(groups, FULL)}
+    return {
+        case.key: group.cases[0].key if id(group) in drawn else MORE_KEY
+        for group in groups
+        for case in group.cases
+    }

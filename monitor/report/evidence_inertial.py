@@ -69,7 +69,7 @@ def dead_charts(scene: Scene) -> Iterator[Part]:
             continue
         scene.mark(chart, words=first)
         first = False
-        said = f"Just after the verdict they read {', '.join(reads)}."
+        said = f"{scene.when} they read {', '.join(reads)}."
         yield chart_of(scene, kind, chart, said)
 
 
@@ -85,7 +85,7 @@ def others_inertial(scene: Scene) -> Part:
     named = [(imu, scene.own), *((name.partition(".")[0], series) for name, series in peers)]
     chart = scene.chart("difference, 1 s mean", subject.unit)
     told = []
-    tones = iter((ERROR, palette.MORE[4], palette.MORE[3], *palette.MORE) * 4)
+    tones = iter((ERROR, palette.MORE[4], palette.MORE[1], *palette.MORE) * 4)
     for (a, first), (b, second) in combinations(named, 2):
         apart = smoothed(_apart(first, second))
         if apart is None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ERROR", "chart_of", "draw_limits", "error_chart", "ratio_chart", "scatter_chart"]
 
-ERROR: Final = palette.MORE[1]
+ERROR: Final = palette.MORE[3]
 """Tone of errors and of odds against a sensor."""
 LOG_FROM: Final = 12.0
 """Ratios beyond this are shown on a logarithmic scale."""

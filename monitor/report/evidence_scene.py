@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from links.vocabulary import State
 from monitor.pages import palette
-from monitor.pages.charts import TimeChart, time_chart
-from monitor.report.evidence_cases import Group
-from monitor.report.evidence_data import Estimate, Subject
+from monitor.pages.charts import SHADE_ALPHA, LegendEntry, TimeChart, time_chart
+from monitor.report.evidence_cases import APART_S, Case, Group
+from monitor.report.evidence_data import Estimate, Family, Subject
 from monitor.report.evidence_numbers import coarser, difference, mean_over, value_at
 from monitor.report.series import Series
 
@@ -24,14 +25,13 @@ POINTS: Final = 500
 """Points of a line: a section has a dozen of them, and a report twenty sections."""
 EXACT: Final = 20_000
 """More tenths of a second than the longest window has: numbers are taken before thinning."""
-WORDED: Final = 2
-"""The moments of so many findings get words; of more, lines alone."""
+MARKED: Final = 2
+"""The moments of so many findings are marked."""
 MEAN_S: Final = 3.0
 """Over so long before an onset and after a verdict the others are compared [s]."""
 CLEAR_S: Final = 0.5
-SETTLED_S: Final = 0.6
-"""A reconstructed error jumps with the first rows after its verdict: it is read so much later
-[s]."""
+SETTLED_S: Final = 3.0
+"""The filters take an IMU's error into their state over about this time: it is read then [s]."""
 
 
 class Scene:
@@ -48,8 +48,9 @@ class Scene:
         What the sensor should have shown, and its deviation; None where nobody can tell.
     error, error_std
         Measured less expected, or the error as its estimator reconstructed it.
-    said_s
-        When the numbers of the captions are taken: with the verdict, or just after it [s].
+    said_s, when
+        When the numbers of the captions are taken: with the verdict, of an IMU soon after it [s];
+        and that in words.
     """
 
     def __init__(self, flight: Flight, group: Group, subject: Subject, key: str) -> None:
@@ -69,8 +70,9 @@ class Scene:
                 break
         self.own = self.measured(subject.measured) if subject.measured else None
         self.error, self.error_std = self._error()
-        later_s = SETTLED_S if subject.error is not None else 0.0
+        later_s = SETTLED_S if subject.family in (Family.ACC, Family.GYRO) else 0.0
         self.said_s = min(self.case.isolated_s + later_s, group.to_s)
+        self.when = f"{later_s:.0f} s after the verdict" if later_s else "With the verdict"
 
     def measured(self, name: str) -> Series | None:
         """What was measured within the window, exact; None where nothing was."""
@@ -126,24 +128,24 @@ class Scene:
         chart.band(coarser(low, POINTS), coarser(high, POINTS), name)
 
     def mark(self, chart: TimeChart, *, words: bool = False) -> TimeChart:
-        """Shade while faulty and draw the moments; their words stand in the first chart only."""
-        words = words and len(self.group.cases) <= WORDED
-        for case in self.group.cases:
-            state = State.STOPPED if case.is_event else State.FAULTY
-            until_s = min(case.until(self.flight.duration_s), self.group.to_s)
-            if case is self.case or case.sensor == self.case.sensor:
-                chart.shade(case.isolated_s, until_s, state)
-        for case in self.group.cases if len(self.group.sensors) == 1 else self.group.cases[:1]:
-            named = case.isolated_s if case.isolated_s - case.detected_s > 0.15 else None
-            moments = (
-                (case.onset_s, "onset"),
-                (case.detected_s, "noticed" if named else "found"),
-                (named, "named"),
-                (case.cleared_s, "cleared"),
-            )
-            for at_s, word in moments:
-                if at_s is not None and self.group.from_s <= at_s <= self.group.to_s:
-                    chart.mark(at_s, word if words else "")
+        """Shade while faulty and draw the moments; their words stand in the first chart only.
+
+        Of many findings in one section the shading tells enough.
+        """
+        own = [case for case in self.group.cases if case.sensor == self.case.sensor]
+        state = State.STOPPED if self.case.is_event else State.FAULTY
+        ends = [min(case.until(self.flight.duration_s), self.group.to_s) for case in own]
+        if len(own) > MARKED:
+            _strips(chart, [case.isolated_s for case in own], ends, state)
+            return chart
+        for case, until_s in zip(own, ends, strict=True):
+            chart.shade(case.isolated_s, until_s, state)
+            for at_s, word in _moments(case):
+                if self.group.from_s <= at_s <= self.group.to_s:
+                    if words:
+                        chart.mark(at_s, word)
+                    else:
+                        _rule(chart, at_s)
         return chart
 
     def change(self, series: Series | None) -> float:
@@ -161,3 +163,33 @@ class Scene:
 
 def _any(series: Series) -> bool:
     return any(map(math.isfinite, series.low))
+
+
+def _moments(case: Case) -> Iterator[tuple[float, str]]:
+    """Moments of a finding with their words."""
+    yield case.onset_s, "onset"
+    if case.isolated_s - case.detected_s > APART_S:
+        yield case.detected_s, "noticed"
+        yield case.isolated_s, "named"
+    else:
+        yield case.isolated_s, "found"
+    if case.cleared_s is not None:
+        yield case.cleared_s, "cleared"
+
+
+def _rule(chart: TimeChart, at_s: float) -> None:
+    """A moment whose word stands in the first chart."""
+    from bokeh.models import Span
+
+    look = {"line_color": palette.INK.light, "line_dash": [2, 3]}
+    chart.figure.add_layout(Span(location=at_s, dimension="height", **look))
+
+
+def _strips(chart: TimeChart, from_s: list[float], to_s: list[float], state: State) -> None:
+    """Shade many spans by one glyph: an annotation for each would cost more than all the lines."""
+    look = palette.LOOKS[state]
+    strips = chart.figure.vstrip(
+        x0=from_s, x1=to_s, fill_color=look.tone.light, fill_alpha=SHADE_ALPHA, line_color=None
+    )
+    strips.level = "underlay"
+    chart.legend.append(LegendEntry(look.word, look.tone, "shade"))

@@ -8,7 +8,7 @@ from typing import Final
 from links.vocabulary import Kind
 from monitor.pages.html import clock
 from monitor.pages.units import on_screen
-from monitor.report.evidence_cases import Case, Group
+from monitor.report.evidence_cases import APART_S, Case, Group
 from monitor.report.evidence_data import Family, Subject
 from monitor.settings import Settings
 
@@ -42,8 +42,6 @@ _DECIDED: Final = {
     "engine_judge": "engine-speed channels, throttle and energy of the aircraft",
     "wing_stream": "accelerations against the airframe's coefficients",
 }
-_APART_S: Final = 0.15
-"""Detection and isolation closer than this are one moment [s]."""
 
 
 def seconds(duration_s: float) -> str:
@@ -76,7 +74,7 @@ def heading(case: Case, subject: Subject | None) -> str:
     what = "" if case.is_event else f" {_what(case, subject)}"
     noticed, named = case.detected_s - case.onset_s, case.isolated_s - case.onset_s
     found = f"found {seconds(noticed)} later"
-    if named - noticed > _APART_S:
+    if named - noticed > APART_S:
         found = f"noticed {seconds(noticed)} later, named after {seconds(named)}"
     end = "to the end of the log" if case.cleared_s is None else f"cleared {clock(case.cleared_s)}"
     return f"{case.sensor} {state}:{what} from {clock(case.onset_s)}, {found}, {end}"

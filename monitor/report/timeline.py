@@ -15,6 +15,7 @@ from monitor.pages.charts import FONT, LegendEntry, style_figure
 from monitor.pages.html import clock
 from monitor.pages.palette import LOOKS
 from monitor.pages.units import quantity
+from monitor.report.evidence_cases import anchors
 from monitor.report.section import (
     Chart,
     Column,
@@ -76,10 +77,10 @@ def _gravity(spans: Iterable[Span]) -> int:
 
 def _found(flight: Flight) -> list[Part]:
     """Every fault and event, with a link to its evidence."""
-    summary = flight.summary
+    summary, at = flight.summary, anchors(flight.summary, flight.duration_s)
     rows: list[list[str | Link | Said]] = [
         [
-            Link(fault["sensor"], f"#{fault_key(k)}"),
+            Link(fault["sensor"], f"#{at[fault_key(k)]}"),
             Said(State.FAULTY),
             fault["kind"],
             clock(fault["onset_s"]),
@@ -92,7 +93,7 @@ def _found(flight: Flight) -> list[Part]:
     ]
     rows += [
         [
-            Link(event["what"], f"#{event_key(k)}"),
+            Link(event["what"], f"#{at[event_key(k)]}"),
             Said(State(event["state"])),
             "event",
             clock(event["onset_s"]),
@@ -214,7 +215,8 @@ def _bars(
         "to": [round(span.to_s, 2) for _, span in spans],
     }
     if state in _LOUD:
-        columns["href"] = [_href(flight.summary, sensor, span) for sensor, span in spans]
+        at = anchors(flight.summary, flight.duration_s)
+        columns["href"] = [_href(flight, sensor, span, at) for sensor, span in spans]
     bars = made.hbar(
         y="sensor",
         left="from",
@@ -274,16 +276,16 @@ def _lead_to_evidence(made: Figure, bars: Sequence[Any]) -> None:
         )
 
 
-def _href(summary: Mapping[str, Any], sensor: str, span: Span) -> str:
+def _href(flight: Flight, sensor: str, span: Span, at: Mapping[str, str]) -> str:
     """Where the evidence of a bar stands: that of the newest fault or event at its beginning."""
-    at_s = span.from_s + 0.01
+    summary, at_s = flight.summary, span.from_s + 0.01
     found = "#sensors"
     for k, fault in enumerate(summary["faults"]):
         if fault["sensor"] == sensor and fault["onset_s"] <= at_s:
-            found = f"#{fault_key(k)}"
+            found = f"#{at[fault_key(k)]}"
     for k, event in enumerate(summary["events"]):
         if event["what"] == sensor and event["onset_s"] <= at_s:
-            found = f"#{event_key(k)}"
+            found = f"#{at[event_key(k)]}"
     return found
 
 

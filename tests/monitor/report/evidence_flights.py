@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from links.logs import LogInfo
 from links.samples import Batch
 from monitor import summary
+from monitor.analyze import summarize
 from monitor.pipeline import Pipeline
 from monitor.recording import Estimates
 from monitor.report.flight import Flight
@@ -30,6 +33,16 @@ BROKEN_S = 80.0
 WING_S = 60.0
 
 
+def dead(speeds: Floats) -> Floats:
+    """No pulses."""
+    return 0.0 * speeds
+
+
+def high(speeds: Floats) -> Floats:
+    """600 rpm too many."""
+    return speeds + 600.0
+
+
 def flown(batch: Batch, settings: Settings) -> Flight:
     """What the pipeline says of rows, and what there is to draw."""
     traces = Traces(settings.engine)
@@ -45,13 +58,12 @@ def flown(batch: Batch, settings: Settings) -> Flight:
     estimates.add(traces.finish())
     times = np.concatenate([rows["t_us"] for rows in batch.rows.values()])
     first_us, last_us = int(times.min()), int(times.max())
-    found = {
-        "log": {"first_t_us": first_us, "duration_s": (last_us - first_us) / 1e6},
-        "streams": summary.streams(pipeline, {}),
-        "monitored": ledger.monitored(first_us, last_us),
-        "faults": ledger.faults(first_us),
-        "events": ledger.events(first_us),
-        "left_out": ledger.left_out,
+    info = LogInfo(Path("flight.tlog"), "tlog", first_t_us=first_us, last_t_us=last_us)
+    made_by = {"version": "0.0.0", "profile": settings.profile, "changed": {}}
+    found = summarize(info, pipeline, ledger) | {
+        "learnt": None,
+        "baselines": {},
+        "made_by": made_by,
     }
     return Flight(found, settings, ledger.verdicts, MemoryTables(estimates.joined()))
 
