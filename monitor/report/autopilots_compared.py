@@ -36,6 +36,11 @@ JUDGES: Final = (OURS, ARDUPILOT, PX4, SPOKEN)
 CHECKED: Final = ("imu", "airspeed")
 """What the autopilots' checks look at."""
 
+CONSIDERED: Final = 2_000
+"""Verdicts that are looked at, of all judges together."""
+TOLD: Final = 12
+"""Faults of which a sentence says who was first."""
+
 EARLY_S, GRACE_S = 0.5, 15.0
 """A verdict belongs to a fault from this before its onset until this after its end [s]."""
 LEVEL_S = 0.05
@@ -90,7 +95,7 @@ class Compared:
 
 
 def judged(summary: Summary) -> list[Judged]:
-    """Every verdict of every judge, in order of time."""
+    """Every verdict of every judge, the first :data:`CONSIDERED` in order of time."""
     out = [
         Judged(OURS, f["sensor"], f["kind"], f["detected_s"], f["cleared_s"], f["evidence"])
         for f in summary["faults"]
@@ -110,7 +115,7 @@ def judged(summary: Summary) -> list[Judged]:
         Judged(SPOKEN, v.sensor, _told(v), v.from_s, v.to_s, texts.get(v.from_s, ""))
         for v in announced(baselines["autopilot_said"])
     ]
-    return sorted(out, key=lambda v: (v.from_s, JUDGES.index(v.judge), v.sensor))
+    return sorted(out, key=lambda v: (v.from_s, JUDGES.index(v.judge), v.sensor))[:CONSIDERED]
 
 
 def _told(v: Said) -> str:
@@ -157,7 +162,9 @@ def sentences(summary: Summary) -> list[str]:
             "Nobody found anything: neither mavsentry nor the checks of ArduPilot and PX4"
             + (", and the autopilot announced nothing of the kind." if SPOKEN in judges else ".")
         ]
-    lines = [_sentence(found, judges) for found in compare(verdicts, faults)]
+    lines = [_sentence(found, judges) for found in compare(verdicts, faults[:TOLD])]
+    if len(faults) > TOLD:
+        lines.append(f"{count(len(faults) - TOLD, 'more fault')} of mavsentry's: see the table.")
     lines += [
         f"mavsentry said at {clock(e['detected_s'], 1)} that {e['what']} {e['state']}; the "
         "autopilots' checks compared here are those of airspeed and IMUs."

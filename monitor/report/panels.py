@@ -39,6 +39,8 @@ Floats = NDArray[np.floating[Any]]
 
 APART_S = 1.0
 """Faults closer than this share a shade [s]."""
+SHADES = 60
+"""Shades of one chart; where there are more, neighbours are joined."""
 NAMED = 3
 MARKED = 6
 """Onsets that are marked with the sensor's name; more would cover each other."""
@@ -95,13 +97,23 @@ def fault_spans(summary: Mapping[str, Any], duration_s: float) -> list[tuple[Sta
     out: list[tuple[State, float, float]] = []
     for state in (State.FAULTY, State.STOPPED):
         spans = sorted((a, duration_s if b is None else b) for s, a, b in found if s is state)
-        joined: list[tuple[float, float]] = []
-        for a, b in spans:
-            if joined and a <= joined[-1][1] + APART_S:
-                joined[-1] = joined[-1][0], max(b, joined[-1][1])
-            else:
-                joined.append((a, b))
+        apart_s = APART_S
+        joined = _joined(spans, apart_s)
+        while len(joined) > SHADES:
+            apart_s *= 2.0
+            joined = _joined(joined, apart_s)
         out += [(state, a, b) for a, b in joined]
+    return out
+
+
+def _joined(spans: Sequence[tuple[float, float]], apart_s: float) -> list[tuple[float, float]]:
+    """Spans in order; those closer than this as one."""
+    out: list[tuple[float, float]] = []
+    for a, b in spans:
+        if out and a <= out[-1][1] + apart_s:
+            out[-1] = out[-1][0], max(b, out[-1][1])
+        else:
+            out.append((a, b))
     return out
 
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 __all__ = ["Bar", "Mark", "rows_figure"]
 
 ROW_PX: Final = 24
+MOST_TOLD: Final = 4
+"""Bars and marks under the pointer that are told at once."""
 FRAME_PX: Final = 86
 """Tools above and axis below [px]."""
 
@@ -107,7 +109,9 @@ def rows_figure(
                 line_width=1.5,
             )
         )
-    made.add_tools(HoverTool(renderers=seen, tooltips=[("", "@words")], attachment="vertical"))
+    made.add_tools(
+        HoverTool(limit=MOST_TOLD, renderers=seen, tooltips=[("", "@words")], attachment="vertical")
+    )
     return made
 
 

@@ -270,6 +270,9 @@ def _hover(made: Figure, track: Track, states: NDArray[np.int64], said: list[str
     seen = made.scatter("x", "y", source=source, size=9, color=palette.BAND.light, alpha=0.0)
     made.add_tools(
         HoverTool(
-            renderers=[seen], tooltips=[("time", "@at"), ("state", "@state")], attachment="vertical"
+            limit=1,
+            renderers=[seen],
+            tooltips=[("time", "@at"), ("state", "@state")],
+            attachment="vertical",
         )
     )

@@ -83,6 +83,18 @@ def test_where_nothing_was_judged_nobody_is_praised() -> None:
     assert sentences(flight)[0].startswith("No airspeed sensor and no IMU was judged")
 
 
+def test_a_wild_flight_is_told_in_few_words() -> None:
+    faults = [
+        fault("imu0.acc_x", 2.0 * k, 2.0 * k + 0.5, cleared_s=2.0 * k + 1) for k in range(1500)
+    ]
+    theirs = [said("imu1", 2.0 * k, 2.0 * k + 1.0) for k in range(1500)]
+    flight = summary(faults=faults, baselines={"px4": theirs})
+    lines = sentences(flight)
+    assert len(lines) == 14
+    assert lines[12].startswith("1,488 more faults")
+    assert len(judged(flight)) == 2000
+
+
 def test_a_flight_without_a_fault_in_which_another_cried() -> None:
     flight = summary(baselines={"px4": [said("airspeed0", 50.0)], "lanes_lost_s": 30.2})
     lines = sentences(flight)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor.report import air, engine, imu, wing
+from monitor.report import air, engine, imu, panels, wing
 from monitor.report.section import Chart, Section
 from monitor.verdict import AIR_TESTS, IMU_TESTS
 from tests.monitor.report import small_flight as small
@@ -118,6 +118,15 @@ def test_a_hundred_faults_do_not_bury_the_chart() -> None:
     (figure, *_) = figures(imu.section(flight, axis_of(flight)))
     assert len(figure.select(type=models.BoxAnnotation)) == 1
     assert len(figure.select(type=models.Label)) == 6
+
+
+def test_shades_of_a_wild_flight_are_joined_until_they_are_few() -> None:
+    faults = [fault("imu0.acc_x", 10.0 * k, 10.0 * k + 1, cleared_s=10.0 * k + 2.0)
+              for k in range(2000)]  # fmt: skip
+    spans = panels.fault_spans({"faults": faults, "events": []}, 20_000.0)
+    assert 1 <= len(spans) <= panels.SHADES
+    assert spans[0][1] == 0.0
+    assert spans[-1][2] == 19_992.0
 
 
 def test_pitots_stand_beside_the_reconstruction_and_its_band() -> None:
