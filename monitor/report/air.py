@@ -68,7 +68,7 @@ def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
     if not charts:
         return []
     shade_faults(charts, flight)
-    against = f"{listed(pitots)} against the reconstruction" if pitots else "No pitot in this log"
+    against = _against(flight, pitots)
     closer = "; the same again near the reconstruction" if around is not None else ""
     return [
         Chart(
@@ -76,10 +76,18 @@ def _speeds(flight: Flight, axis: Range1d, pitots: list[str]) -> list[Part]:
             charts,
             f"{against}{closer}; below it true airspeed and speed over ground."
             f"{' ' + TESTS_SAID if tests.legend else ''}",
-            f"Time chart. {against}, with its 2-sigma band; true airspeed and ground speed."
+            f"Time chart. {against} and its 2-sigma band; true airspeed and ground speed."
             f"{shaded_words(flight.summary)}",
         )
     ]
+
+
+def _against(flight: Flight, pitots: list[str]) -> str:
+    if not pitots:
+        return "No pitot in this log"
+    if flight.estimate("air", "cas_m_s") is None:
+        return f"{listed(pitots)} as measured; nothing was reconstructed"
+    return f"{listed(pitots)} against the reconstruction"
 
 
 def _tested(sensors: list[str]) -> list[Tested]:

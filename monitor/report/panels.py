@@ -44,6 +44,8 @@ SHADES = 60
 NAMED = 3
 MARKED = 6
 """Onsets that are marked with the sensor's name; more would cover each other."""
+TOGETHER = 0.02
+"""Onsets closer than this share of the flight have one mark."""
 LEFT_PX = 70
 """Room for numbers and label on the left: signs and three digits have it too."""
 WIDE = 2.0
@@ -124,10 +126,25 @@ def shade_faults(charts: Sequence[TimeChart], flight: Flight) -> None:
     for chart in charts:
         for state, from_s, to_s in spans:
             chart.shade(from_s, to_s, state)
-    onsets = [(f["onset_s"], f["sensor"]) for f in summary["faults"]]
-    onsets += [(e["onset_s"], e["what"]) for e in summary["events"]]
-    for onset_s, sensor in sorted(onsets)[:MARKED] if charts else ():
-        charts[0].mark(onset_s, sensor)
+    for onset_s, sensors in _onsets(summary, flight.duration_s) if charts else ():
+        charts[0].mark(onset_s, sensors)
+
+
+def _onsets(summary: Mapping[str, Any], duration_s: float) -> list[tuple[float, str]]:
+    """When what set in; sensors that did so nearly together share a mark."""
+    found = [(f["onset_s"], f["sensor"]) for f in summary["faults"]]
+    found += [(e["onset_s"], e["what"]) for e in summary["events"]]
+    groups: list[tuple[float, list[str]]] = []
+    for onset_s, sensor in sorted(found):
+        if not groups or onset_s > groups[-1][0] + TOGETHER * duration_s:
+            groups.append((onset_s, []))
+        groups[-1][1].append(sensor)
+    return [(at_s, _few(list(dict.fromkeys(names)))) for at_s, names in groups[:MARKED]]
+
+
+def _few(names: Sequence[str]) -> str:
+    """``airspeed0``, ``airspeed0, aoa0``, ``airspeed0 + 3``."""
+    return ", ".join(names) if len(names) < 3 else f"{names[0]} + {len(names) - 1}"
 
 
 def shaded_words(summary: Mapping[str, Any]) -> str:

@@ -38,6 +38,12 @@ def stream_rows(summary: Summary) -> list[list[str]]:
     ]
 
 
+def _sentence(note: str) -> str:
+    """A note with a full stop, and a capital where it does not begin with a message's name."""
+    named = "_" in note.partition(" ")[0]
+    return f"{note if named else note[:1].upper() + note[1:]}".rstrip(".") + "."
+
+
 def _rate(rate_hz: float) -> str:
     return f"{rate_hz:.1f}" if rate_hz >= 0.95 else number(rate_hz, 2)
 
@@ -90,7 +96,7 @@ def damage(summary: Summary) -> list[str]:
         named = ", ".join(clock(t_s) for t_s in boots[:NAMED])
         more = f" and {len(boots) - NAMED} more times" if len(boots) > NAMED else ""
         lines.append(f"The vehicle started anew at {named}{more}.")
-    lines += [f"{note[0].upper()}{note[1:].rstrip('.')}." for note in log["notes"]]
+    lines += [_sentence(note) for note in log["notes"]]
     left = {what: many for what, many in summary["left_out"].items() if many}
     lines += [f"{many:,} more {what} are not listed." for what, many in left.items()]
     return lines

@@ -120,6 +120,21 @@ def test_a_hundred_faults_do_not_bury_the_chart() -> None:
     assert len(figure.select(type=models.Label)) == 6
 
 
+def test_what_broke_together_has_one_mark() -> None:
+    faults = [
+        *(fault(sensor, 100.0, 101.0) for sensor in ("aoa0", "airspeed0", "aoa1")),
+        fault("imu0.acc_x", 102.0, 104.0),
+        fault("spool0", 200.0, 201.0),
+    ]
+    flight = full(faults=faults)
+    (figure, *_) = figures(imu.section(flight, axis_of(flight)))
+    labels = figure.select(type=models.Label)
+    assert {(label.x, label.text) for label in labels} == {
+        (100.0, "airspeed0 + 3"),
+        (200.0, "spool0"),
+    }
+
+
 def test_shades_of_a_wild_flight_are_joined_until_they_are_few() -> None:
     faults = [fault("imu0.acc_x", 10.0 * k, 10.0 * k + 1, cleared_s=10.0 * k + 2.0)
               for k in range(2000)]  # fmt: skip

@@ -17,7 +17,7 @@ def test_damage_is_told_in_sentences() -> None:
                 "bad_bytes": 1200,
                 "gaps": gaps,
                 "boots_s": [61.0],
-                "notes": ["vehicle_imu was logged at 2 Hz"],
+                "notes": ["vehicle_imu was logged at 2 Hz", "the log ends early."],
             },
             left_out={"verdicts": 0, "faults": 3, "events": 0, "spans": 0},
         )
@@ -27,7 +27,8 @@ def test_damage_is_told_in_sentences() -> None:
         "6 gaps in the recording: 3.0 s from 0:30, 4.0 s from 0:40, 5.0 s from 0:50, 6.0 s from "
         "1:00 and 2 shorter ones.",
         "The vehicle started anew at 1:01.",
-        "Vehicle_imu was logged at 2 Hz.",
+        "vehicle_imu was logged at 2 Hz.",
+        "The log ends early.",
         "3 more faults are not listed.",
     ]
 
