@@ -272,7 +272,12 @@ class Painter {
         figure.drawn_ms = now;
         const { store, view } = this.look();
         if (view.to_s === null) continue;
-        const spent = await this._paint(() => figure.draw(store, view));
+        let spent = 0;
+        try {
+          spent = await this._paint(() => figure.draw(store, view));
+        } catch (error) {
+          console.error(error);  // one figure that fails leaves the others drawn
+        }
         this.spent_ms += spent;
         await new Promise((rested) => setTimeout(rested, Math.min(2000, REST * spent)));
       }

@@ -183,7 +183,7 @@ class App {
 
   /** Figures are opened one after another, so that the page answers in between. */
   _open(figure) {
-    this.opening = (this.opening ?? Promise.resolve()).then(() => figure.open()).then(() => this.painter.add(figure));
+    this.opening = (this.opening ?? Promise.resolve()).then(() => figure.open()).then(() => this.painter.add(figure), console.error);
   }
 
   /** What must be said even while nobody looks: the title, the alarm, the sound. Then the rest. */

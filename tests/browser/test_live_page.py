@@ -229,6 +229,10 @@ def test_keys_pause_and_change_the_window(daemon, visit):
     assert page.evaluate("app.now().to_s") == FAULTY_S
     page.keyboard.press("d")
     assert page.evaluate("Theme.dark()")
+    assert page.evaluate("app.audio ?? null") is None, "sound is off until it is asked for"
+    page.keyboard.press("s")
+    assert page.evaluate("app.audio?.state") in ("running", "suspended")
+    assert page.locator("#sound").is_checked()
 
 
 def test_pointing_tells_the_value_of_then(daemon, visit):
