@@ -26,9 +26,10 @@ def quantity(value: float | None, unit: str | None, *, sign: bool = False) -> st
     """A value with its unit, to three digits; a dash where it is not known.
 
     >>> quantity(0.0349066, "rad"), quantity(-3.0, "m/s", sign=True)
-    ('2 deg', '-3 m/s')
+    ('2 deg', '−3 m/s')
     """
     if value is None or not math.isfinite(value):
         return "–"
     factor, shown = on_screen(unit or "")
-    return f"{value * factor:{'+' if sign else ''}.3g} {shown}".rstrip()
+    number = f"{value * factor:{'+' if sign else ''}.3g}".replace("-", "−")
+    return f"{number} {shown}".rstrip()

@@ -158,13 +158,18 @@ def _chart(flight: Flight, axis: Range1d, order: Sequence[str]) -> Chart:
     return Chart(
         key="timeline",
         model=made,
-        caption=(
-            "One row for each watched sensor, those with a fault on top. Point at a bar for its "
-            "reason; tap a faulty one for its evidence."
-        ),
+        caption=_caption(states),
         alt=_in_words(flight, order),
         more_legend=legend,
     )
+
+
+def _caption(states: Sequence[State]) -> str:
+    rows = "One row for each watched sensor"
+    if _LOUD.isdisjoint(states):
+        return f"{rows}. Point at a bar for its reason."
+    wrong = "what was wrong on top. Point at a bar for its reason; tap a tall one for its evidence."
+    return f"{rows}, {wrong}"
 
 
 def _has(spans: Iterable[Span], state: State) -> bool:

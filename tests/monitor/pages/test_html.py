@@ -90,7 +90,7 @@ def test_the_clock(seconds: float | None, shown: str) -> None:
 def test_units_as_people_read_them() -> None:
     assert on_screen("rad/s")[1] == "deg/s"
     assert quantity(3.14159265, "rad") == "180 deg"
-    assert quantity(-0.0001234, "m/s", sign=True) == "-0.000123 m/s"
+    assert quantity(-0.0001234, "m/s", sign=True) == "−0.000123 m/s"
     assert quantity(1.5, "m/s^2", sign=True) == "+1.5 m/s²"
     assert quantity(2.0, "1") == "2"
     assert quantity(None, "m/s") == quantity(float("nan"), "m/s") == "–"
