@@ -39,10 +39,10 @@ const Theme = (() => {
     const button = document.querySelector("[data-switch-theme]");
     if (button) button.textContent = dark() ? "Light" : "Dark";
   };
-  // From now on a document follows the theme.
+  // From now on a document follows the theme; it comes in the light colours.
   const follow = (doc) => {
     shown.add(doc);
-    restyle(doc);
+    if (dark()) restyle(doc);
   };
   const remember = (theme) => {
     try {
