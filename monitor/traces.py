@@ -24,7 +24,7 @@ from links.samples import Rows
 from monitor.settings.engine import EngineSettings
 from monitor.throttle import Throttle
 
-__all__ = ["BUCKET_US", "MEASURED", "Traces"]
+__all__ = ["BUCKET_US", "FIELDS", "MEASURED", "VALUES", "Traces"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,7 +52,7 @@ class _Field(NamedTuple):
 
 
 _POSITION = (_Field("lat", "rad", extremes=False), _Field("lon", "rad", extremes=False))
-_FIELDS: Final[Mapping[str, tuple[_Field, ...]]] = {
+FIELDS: Final[Mapping[str, tuple[_Field, ...]]] = {
     "imu": (_Field("acc", "m_s2", 3), _Field("gyro", "rad_s", 3)),
     "attitude": (
         _Field("roll", "rad"),
@@ -90,7 +90,7 @@ def _dtype(fields: tuple[_Field, ...]) -> np.dtype[np.void]:
     return np.dtype(columns)
 
 
-MEASURED: Final[Mapping[str, np.dtype[np.void]]] = {q: _dtype(f) for q, f in _FIELDS.items()}
+MEASURED: Final[Mapping[str, np.dtype[np.void]]] = {q: _dtype(f) for q, f in FIELDS.items()}
 """Quantity -> dtype of its tables: that of ``measured_imu0`` is ``MEASURED["imu"]``."""
 
 
@@ -115,7 +115,7 @@ class Traces:
         with np.errstate(all="ignore"):
             for sensor, released in rows.items():
                 quantity = sensor.rstrip("0123456789")
-                values = _VALUES.get(quantity)
+                values = VALUES.get(quantity)
                 if values is not None and len(released):
                     self._add(sensor, quantity, released["t_us"], values(released))
             throttle = self._throttle.step(rows)
@@ -162,7 +162,7 @@ class _Buckets:
     """The tenths of one sensor."""
 
     def __init__(self, quantity: str) -> None:
-        self._fields = _FIELDS[quantity]
+        self._fields = FIELDS[quantity]
         self._dtype = MEASURED[quantity]
         self._open: _Some | None = None
 
@@ -272,7 +272,7 @@ def _nav(r: Rows) -> Floats:
     return _columns(r["lat_rad"], r["lon_rad"], speed, -down, r["alt_m"], r["height_m"])
 
 
-_VALUES: Final[Mapping[str, Callable[[Rows], Floats]]] = {
+VALUES: Final[Mapping[str, Callable[[Rows], Floats]]] = {
     "imu": _imu,
     "attitude": _attitude,
     "gps": _gps,
@@ -282,3 +282,4 @@ _VALUES: Final[Mapping[str, Callable[[Rows], Floats]]] = {
     "aoa": lambda r: _columns(r["aoa_rad"]),
     "spool": lambda r: _columns(r["speed_rpm"]),
 }
+"""Quantity -> what its rows say: values (k, n), in the order of :data:`FIELDS` and their axes."""

@@ -22,7 +22,7 @@ from monitor.verdict import StepResult, Verdict
 from monitor.web import accounts, wire
 from monitor.web.accounts import Accounts, Judged, Received, Recording
 from monitor.web.found import Found
-from monitor.web.measured import Measured
+from monitor.web.measured import Measured, joined
 from monitor.web.protocol import PROTOCOL, Event, Fault, Frame, Hello, Standing
 
 __all__ = ["About", "Snapshots"]
@@ -214,7 +214,7 @@ _NEVER_US = -(1 << 60)
 
 def _largest(waiting: list[Rows]) -> Rows:
     """One row with the largest value of each column, NaN where there is none; the newest time."""
-    rows = np.concatenate(waiting)
+    rows = joined(waiting)
     out = rows[-1:].copy()
     for column in (rows.dtype.names or ())[1:]:
         out[column] = np.fmax.reduce(rows[column])

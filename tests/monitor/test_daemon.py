@@ -254,3 +254,15 @@ def test_the_latency_meter_keeps_the_newest():
     assert read.count == 1000
     assert read.worst_ms == pytest.approx(0.999)
     assert read.median_ms == pytest.approx(0.9495)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 99, 256, 1000])
+def test_latencies_are_quantiles_of_the_newest(count):
+    meter = LatencyMeter(256)
+    taken = np.random.default_rng(count).exponential(20_000.0, count)
+    for latency_us in taken:
+        meter.add(latency_us)
+    latency = meter.read()
+    expected = np.quantile(taken[-256:] / 1e3, (0.5, 0.99, 1.0))
+    assert latency.count == count
+    assert (latency.median_ms, latency.p99_ms, latency.worst_ms) == pytest.approx(tuple(expected))
