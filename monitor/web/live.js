@@ -207,7 +207,7 @@ class App {
     const { store, digest, lost, silent } = this;
     const stale = lost || silent;
     this._strip();
-    this.banner.show(digest, store.t_s);
+    this.banner.show(digest, store.t_s, this.recorder);
     this.table.show(this.standing, store, this.channels, stale);
     this._values();
     this.facts.show(this);

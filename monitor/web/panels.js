@@ -112,7 +112,7 @@ class Banner {
     };
   }
 
-  show(digest, t_s) {
+  show(digest, t_s, recorder) {
     const box = byId("alarm");
     box.dataset.state = digest.level ?? digest.calm;
     keep(byId("alarm-lines"), digest.lines.map(({ name }) => name), () => make("li", {},
@@ -129,7 +129,8 @@ class Banner {
       tell(cell(line, "since"), t_s === null ? "" : `since ${minutes(since_s)} (${ago(t_s - since_s)} ago)`);
       tell(cell(line, "why"), pretty(one.evidence || one.reason || ""));
     });
-    const [fine, idle] = byId("alarm-rest").children;
+    const [beside, fine, idle] = byId("alarm-rest").children;
+    tell(beside, recorder?.stopped ? `! Not recording any more: ${recorder.stopped}` : "");
     tell(fine, digest.fine);
     tell(idle, digest.idle);
   }

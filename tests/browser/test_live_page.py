@@ -73,7 +73,28 @@ def test_a_flight_is_shown_and_only_its_sensors(daemon, visit, screens):
     assert "Not fitted: imu2." in text(page, "main")
     assert visited.unnamed() == []
     visited.wait_drawn()
-    visited.screen("live-fault", full=False)
+    visited.screen("live-fault")
+
+
+def test_a_sensor_that_comes_later_gets_its_place(daemon, visit):
+    first, history = until(20.0)
+    late = [{k: v for k, v in frame.items() if k != "imu"} for frame in history["frames"]]
+    daemon.say(first, history | {"frames": late})
+    page = visit(daemon.address).page
+    keys = "[...document.querySelectorAll('.chart')].map(chart => chart.dataset.key)"
+    waits(page, f"{keys}.length === {len(CHARTS) - 2}")
+    daemon.say(*then(20.0, 21.0))
+    waits(page, f"{keys}.length === {len(CHARTS)}")
+    assert page.evaluate(keys) == CHARTS
+
+
+def test_a_recorder_that_stopped_is_told_among_what_is_wrong(daemon, visit):
+    stopped = {"file": "a.tlog", "file_bytes": 1, "bytes": 1, "stopped": "No space left on device"}
+    daemon.say(*until(20.0), FRAMES[101] | {"recorder": stopped})
+    page = visit(daemon.address).page
+    waits(page, "document.getElementById('alarm').textContent.includes('Not recording')")
+    assert "No space left on device" in text(page, "#alarm")
+    assert "STOPPED: No space left on device" in text(page, "#recorder-facts")
 
 
 def test_what_is_drawn_is_what_was_said(daemon, visit):
@@ -276,7 +297,7 @@ def test_dark_and_phone(daemon, visit, dark, phone):
         ".major_label_text_color"
     )
     assert ("#a9aeb5" in str(colour)) == dark
-    visited.screen(f"live{'-dark' if dark else ''}{'-phone' if phone else ''}", full=False)
+    visited.screen(f"live{'-dark' if dark else ''}{'-phone' if phone else ''}")
 
 
 def test_everything_is_reached_by_tab_and_seen(daemon, visit):
@@ -316,6 +337,7 @@ def test_ten_minutes_leave_the_memory_flat(daemon, visit):
     feed(5.5)
     before = feed(0.5)
     after = feed(10.0)
+    print(f"JavaScript memory: {before:.1f} MB, ten minutes later {after:.1f} MB")
     assert after < before + 2.0, f"{before:.1f} MB before ten minutes, {after:.1f} MB after"
     assert page.evaluate("app.timeline.spans.get('aoa0').length") < 80
 
