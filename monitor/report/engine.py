@@ -11,6 +11,7 @@ from monitor.report.panels import (
     Derived,
     Tested,
     instances,
+    settled,
     shade_faults,
     shaded_words,
     stacked,
@@ -41,18 +42,7 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
     if not charts:
         return None
     shade_faults(charts, flight)
-    modelled = any(
-        flight.estimate("engine", f"speed_{k + 1}_rpm") is not None for k in range(N_SHAFTS)
-    )
-    if not channels:
-        said = "No engine speed in this log; throttle and power are watched without it."
-    elif modelled:
-        said = f"{listed(channels)} against the engine's model, with its 2-sigma band."
-    else:
-        said = (
-            f"{listed(channels)} without a model of the engine: only a dead or a stuck channel is "
-            "found (mavsentry learn engine)."
-        )
+    said = _said(flight, channels)
     return Section(
         "engine",
         "Engine",
@@ -68,12 +58,31 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
     )
 
 
+def _said(flight: Flight, channels: list[str]) -> str:
+    """What the channels are held against."""
+    if not channels:
+        return "No engine speed in this log; throttle and power are watched without it."
+    shafts = (flight.estimate("engine", f"speed_{k + 1}_rpm") for k in range(N_SHAFTS))
+    known = any(shaft is not None for shaft in shafts)
+    modelled = [c for c in channels if known and c in flight.settings.engine.channels]
+    bare = [c for c in channels if c not in modelled]
+    said = []
+    if modelled:
+        said.append(f"{listed(modelled)} against the engine's model, with its 2-sigma band.")
+    if bare:
+        said.append(
+            f"{listed(bare)} without a model of the engine: only a dead or a stuck channel is "
+            "found (mavsentry learn engine)."
+        )
+    return " ".join(said)
+
+
 def _caption(power: TimeChart) -> str:
     said = "Throttle as its servo output commands it."
     if power.legend:
         said += (
             " Climb power is the climb rate that engine and drag together would have given at "
-            "constant airspeed: it falls below zero when the engine gives none."
+            "constant airspeed: at zero the aircraft just keeps its height, without power it sinks."
         )
     return said
 
@@ -85,9 +94,10 @@ def _speeds(flight: Flight, axis: Range1d) -> TimeChart:
         chart.line(flight.measured(sensor), sensor, tone, width=1.2)
     for k in range(N_SHAFTS):
         mean = flight.estimate("engine", f"speed_{k + 1}_rpm")
+        std = flight.estimate("engine", f"speed_{k + 1}_std_rpm")
         name = "reconstructed" if k == 0 else f"reconstructed, shaft {k}"
         chart.line(mean, name, palette.RECONSTRUCTED, width=1.2)
-        chart.deviation(mean, flight.estimate("engine", f"speed_{k + 1}_std_rpm"))
+        chart.deviation(settled(mean, std), std)
     chart.legend = list(dict.fromkeys(chart.legend))
     return chart
 
@@ -104,5 +114,5 @@ def _power(flight: Flight, axis: Range1d) -> TimeChart:
     chart = time_chart(axis, "climb power", "m/s", height=160)
     chart.line(flight.estimate("engine", "climb_power_m_s"), "climb power", palette.MORE[3])
     if chart.legend:
-        chart.threshold(0.0, name="none left")
+        chart.threshold(0.0, name="height kept")
     return chart

@@ -10,7 +10,8 @@ import pytest
 
 from monitor.report import air, engine, imu, panels, wing
 from monitor.report.section import Chart, Section
-from monitor.verdict import AIR_TESTS, IMU_TESTS
+from monitor.settings import Settings
+from monitor.verdict import AIR_TESTS, ENGINE_ESTIMATE, IMU_TESTS
 from tests.monitor.report import small_flight as small
 from tests.monitor.report.summaries import fault, stream, watched
 
@@ -231,7 +232,29 @@ def test_the_engine_says_whether_there_is_a_model() -> None:
     flight = full()
     section = engine.section(flight, axis_of(flight))
     assert section is not None
-    assert "without a model" in section.lead
+    assert section.lead.startswith("spool0 without a model")
+
+
+def test_a_channel_with_a_model_stands_against_it_from_where_it_is_known() -> None:
+    speed, std = np.full((T_S.size, 4), np.nan), np.full((T_S.size, 4), np.nan)
+    speed[:, 0], std[:, 0] = 5000.0, np.where(T_S < 5.0, 4000.0, 30.0)
+    tables = {
+        "engine": small.rows(ENGINE_ESTIMATE, speed_rpm=speed, speed_std_rpm=std, throttle=0.5),
+        "measured_spool0": small.measured("speed", "rpm", 5010.0),
+        "measured_spool1": small.measured("speed", "rpm", 5020.0),
+    }
+    channel = {"range_rpm": 7000.0, "noise_rpm": 20.0}
+    settings = Settings.model_validate({"engine": {"channels": {"spool0": channel}}})
+    streams = [stream("spool0"), stream("spool1")]
+    flight = small.flight(tables, settings=settings, streams=streams)
+    section = engine.section(flight, axis_of(flight))
+    assert section is not None
+    assert section.lead.startswith("spool0 against the engine's model")
+    assert "spool1 without a model" in section.lead
+    speeds, throttle = figures(section)
+    patches = [r.data_source.data for r in speeds.renderers if type(r.glyph).__name__ == "Patch"]
+    assert max(float(np.nanmax(d["y"])) for d in patches) == pytest.approx(5060.0)
+    assert throttle.yaxis[0].axis_label == "throttle (%)"
 
 
 def test_tools_stand_once_and_the_axis_is_named_once_in_a_stack() -> None:
