@@ -63,7 +63,10 @@ def measured(scene: Scene) -> str:
         f"Until {clock(case.onset_s)} it was within {size_words(before, unit)} of what it should "
     )
     said = f"{said}have shown, half of the time. " if math.isfinite(before) else ""
-    return f"{said}{read}was expected (2σ)."
+    said = f"{said}{read}was expected (2σ)."
+    if scene.from_estimate is not None and scene.from_estimate.table == "air":
+        return f"{said} That is the aircraft's own; what was learnt of this sensor is not in it."
+    return said
 
 
 def _agreement(scene: Scene) -> float:
@@ -163,7 +166,7 @@ def inertial(scene: Scene, mean: Series | None, freed: Series | None) -> str:
 
 
 def apart(scene: Scene, told: list[tuple[str, Series]]) -> str:
-    """Of the differences between IMUs: each before the onset and after the verdict."""
+    """Of differences within a kind: each before the onset and after the verdict."""
     case, unit = scene.case, scene.subject.unit
     said = []
     for name, series in told:
@@ -172,9 +175,9 @@ def apart(scene: Scene, told: list[tuple[str, Series]]) -> str:
         if math.isfinite(before + after):
             said.append(f"{name} went from {_value(before, unit)} to {_value(after, unit)}")
     if not said:
-        return "Compare the IMUs before the onset and after it."
+        return "Compare them before the onset and after it."
     which = " What the others have between them did not change with it." if len(said) > 2 else ""
-    return f"Across the onset {' and '.join(said)}.{which}"
+    return f"{', '.join(said)} across the onset.{which}"
 
 
 def motion(scene: Scene, named: Sequence[tuple[str, Series | None, str]], unit: str) -> str:

@@ -20,7 +20,13 @@ from monitor.report.evidence_inertial import (
 )
 from monitor.report.evidence_machine import engine_charts, power_charts, wing_charts
 from monitor.report.evidence_numbers import coarser
-from monitor.report.evidence_parts import chart_of, error_chart, ratio_chart, scatter_chart
+from monitor.report.evidence_parts import (
+    chart_of,
+    differences,
+    error_chart,
+    ratio_chart,
+    scatter_chart,
+)
 from monitor.report.evidence_scene import POINTS, Scene
 from monitor.report.section import Part, Text
 from monitor.report.series import Series
@@ -95,7 +101,12 @@ def others_chart(scene: Scene) -> Part:
         dash = "dashed" if name.startswith("GPS") else ""
         scene.line(chart, series, name, next(tones), dash)
     scene.mark(chart)
-    return chart_of(scene, "others", chart, captions.others(scene, compared))
+    caption = captions.others(scene, compared)
+    apart, told = differences(scene, scene.peers())
+    if not told:
+        return chart_of(scene, "others", chart, caption)
+    scene.mark(apart)
+    return chart_of(scene, "others", [chart, apart], f"{caption} {captions.apart(scene, told)}")
 
 
 def wind_chart(scene: Scene) -> Part:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import combinations
 
 from links.vocabulary import GYRO_ACC_AXES
 from monitor.pages import palette
 from monitor.report import evidence_captions as captions
 from monitor.report.evidence_data import Family, limit_of
-from monitor.report.evidence_numbers import coarser, difference, smoothed, value_at
-from monitor.report.evidence_parts import ERROR, chart_of, draw_limits
+from monitor.report.evidence_numbers import coarser, smoothed, value_at
+from monitor.report.evidence_parts import chart_of, differences, draw_limits
 from monitor.report.evidence_scene import POINTS, Scene
 from monitor.report.section import Part, Text
 from monitor.report.series import Series
@@ -81,30 +80,12 @@ def others_inertial(scene: Scene) -> Part:
             f"No other IMU was there to compare {subject.sensor} with: its own filters decided.",
             "soft",
         )
-    imu = subject.sensor.partition(".")[0]
-    named = [(imu, scene.own), *((name.partition(".")[0], series) for name, series in peers)]
-    chart = scene.chart("difference, 1 s mean", subject.unit)
-    told = []
-    tones = iter((ERROR, palette.MORE[4], palette.MORE[1], *palette.MORE) * 4)
-    for (a, first), (b, second) in combinations(named, 2):
-        apart = smoothed(_apart(first, second))
-        if apart is None:
-            continue
-        mine = imu == a
-        tone = next(tones) if mine else palette.REFERENCE
-        scene.line(chart, apart, f"{a} − {b}", tone, "" if mine else "dashed")
-        told.append((f"{a} − {b}", apart))
+    chart, told = differences(scene, peers)
     if not told:
         return Text(f"The IMUs have no samples of the same time as {subject.sensor}.", "soft")
     draw_limits(scene, chart, limit_of(scene.case, subject, scene.flight.settings))
     scene.mark(chart)
     return chart_of(scene, "others", chart, captions.apart(scene, told))
-
-
-def _apart(first: Series, second: Series) -> Series | None:
-    """Difference of the middles of two IMUs' samples."""
-    apart = difference(first, second)
-    return None if apart is None else Series(apart.t_s, apart.middle, apart.middle, apart.unit)
 
 
 def motion_chart(scene: Scene) -> Part:

@@ -6,6 +6,7 @@ Each function gives a chart, or a sentence where there is nothing to draw: no ch
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -15,7 +16,7 @@ from monitor.pages.charts import TimeChart
 from monitor.pages.html import clock
 from monitor.report import evidence_captions as captions
 from monitor.report.evidence_data import Family, Limit, limit_of
-from monitor.report.evidence_numbers import coarser, swings
+from monitor.report.evidence_numbers import coarser, difference, smoothed, swings
 from monitor.report.evidence_scene import POINTS, Scene
 from monitor.report.section import Chart, Part, Text
 from monitor.report.series import Series
@@ -23,7 +24,15 @@ from monitor.report.series import Series
 if TYPE_CHECKING:
     from bokeh.plotting import figure as Figure
 
-__all__ = ["ERROR", "chart_of", "draw_limits", "error_chart", "ratio_chart", "scatter_chart"]
+__all__ = [
+    "ERROR",
+    "chart_of",
+    "differences",
+    "draw_limits",
+    "error_chart",
+    "ratio_chart",
+    "scatter_chart",
+]
 
 ERROR: Final = palette.MORE[3]
 """Tone of errors and of odds against a sensor."""
@@ -64,6 +73,36 @@ def draw_limits(scene: Scene, chart: TimeChart, limit: Limit | None) -> None:
         return
     for bound in limit.bounds(of.middle):
         chart.line(Series(of.t_s, bound, bound, of.unit), name, palette.THRESHOLD, dash="dashed")
+
+
+def differences(
+    scene: Scene, peers: list[tuple[str, Series]]
+) -> tuple[TimeChart, list[tuple[str, Series]]]:
+    """Differences among sensors of a kind, means over a second: who left whom.
+
+    Returns
+    -------
+    chart, told
+        The chart, and the name and series of each difference in it.
+    """
+    own = scene.own
+    mine = scene.subject.sensor.partition(".")[0]
+    named = [(name.partition(".")[0], series) for name, series in peers]
+    if own is not None:
+        named.insert(0, (mine, own))
+    chart = scene.chart("difference", scene.subject.unit)
+    told = []
+    tones = iter((ERROR, palette.MORE[4], palette.MORE[1], *palette.MORE) * 4)
+    for (a, first), (b, second) in combinations(named, 2):
+        apart = difference(first, second)
+        if apart is not None:
+            middle = apart.middle
+            apart = smoothed(Series(apart.t_s, middle, middle, apart.unit))
+        if apart is not None:
+            tone = next(tones) if a == mine else palette.REFERENCE
+            scene.line(chart, apart, f"{a} − {b}, 1 s mean", tone, "" if a == mine else "dashed")
+            told.append((f"{a} − {b}", apart))
+    return chart, told
 
 
 def scatter_chart(scene: Scene) -> Part:
