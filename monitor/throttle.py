@@ -8,14 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.engine_ticks import FUNCTION_THROTTLE
 from links.samples import Rows
 from monitor.settings.engine import EngineSettings
 
 __all__ = ["Throttle"]
 
 OUTPUTS: Final = 16
-FUNCTION_THROTTLE: Final = 70.0
-"""SERVOn_FUNCTION of the output that drives the engine."""
 USUAL: Final = 2
 """Output that is taken where neither settings nor parameters tell: the third."""
 

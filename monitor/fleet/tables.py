@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any, Final
 
 import pyarrow as pa
@@ -12,14 +12,13 @@ import pyarrow as pa
 from monitor.fleet.outcome import Outcome
 from monitor.fleet.places import report_folder
 from monitor.fleet.sources import Source, printable
+from monitor.started import started
 
 __all__ = ["NO_MONTH", "SCHEMAS", "AircraftRule", "rows_of"]
 
 NO_MONTH: Final = "unknown"
 """Month of a log that tells no date, and whose name tells none."""
 
-_EARLIEST_UNIX_US = 946_684_800_000_000
-"""The year 2000: stamps before it are no Unix time [us]."""
 _DATE = re.compile(r"(?<!\d)((?:19|20)\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(?:0[1-9]|[12]\d|3[01])")
 
 _TEXT, _NUMBER, _COUNT, _FLAG = pa.string(), pa.float64(), pa.int64(), pa.bool_()
@@ -141,7 +140,7 @@ def rows_of(
 ) -> dict[str, list[dict[str, Any]]]:
     """The rows that one log adds, by table."""
     log, vehicle = outcome["log"], outcome["vehicle"]
-    start = _start(log)
+    start = started(log)
     where = {
         "log": source.shown,
         "month": _month(start, source.name),
@@ -201,16 +200,6 @@ def rows_of(
 
 def _doubtful(fault: Mapping[str, Any]) -> bool:
     return bool(fault["doubts"]) and not fault["autopilot_agrees"]
-
-
-def _start(log: Mapping[str, Any]) -> datetime | None:
-    unix_us = log.get("start_unix_us")
-    if unix_us is None or unix_us < _EARLIEST_UNIX_US:
-        return None
-    try:
-        return datetime.fromtimestamp(unix_us / 1e6, UTC)
-    except (OverflowError, OSError, ValueError):
-        return None
 
 
 def _month(start: datetime | None, name: str) -> str:

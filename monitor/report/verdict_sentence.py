@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,6 +15,7 @@ from links.vocabulary import Kind, Reason, State
 from monitor.pages.html import clock
 from monitor.pages.palette import LOOKS, Look
 from monitor.pages.units import quantity
+from monitor.started import started
 
 if TYPE_CHECKING:
     from monitor.report.flight import Flight
@@ -241,10 +241,8 @@ def _facts(flight: Flight) -> list[Fact]:
     in_flight = _flown(flight)
     kind = str(vehicle["type"] or "unknown").replace("_", " ").lower()
     autopilot = str(vehicle["autopilot"] or "unknown autopilot")
-    start = log["start_unix_us"]
     date, time = "not known", ""
-    if start is not None:
-        began = datetime.fromtimestamp(start / 1e6, UTC)
+    if (began := started(log)) is not None:
         date, time = began.strftime("%Y-%m-%d"), began.strftime("%H:%M:%S UTC")
     changed = len(made["changed"])
     return [
