@@ -67,9 +67,7 @@ def section(flight: Flight, axis: Range1d) -> Section | None:
 
 
 def _chart(flight: Flight, axis: Range1d, verdicts: Sequence[Judged]) -> Chart:
-    instruments = sorted({instrument(v.sensor) for v in verdicts} - {"imu"})
-    if any(v.sensor == "imu" for v in verdicts):
-        instruments = sorted({*instruments, "imu"})
+    instruments = sorted({instrument(v.sensor) for v in verdicts})
     texts = flight.summary["baselines"]["autopilot_said"]
     spoken = bool(texts)
     judges = JUDGES if spoken else JUDGES[:-1]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from monitor.pages import palette
 from monitor.pages.charts import TimeChart, time_chart
 from monitor.report.panels import (
@@ -19,18 +22,23 @@ from monitor.report.panels import (
     tests_chart,
 )
 from monitor.report.section import Chart, Section
+from monitor.report.series import thinned
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d
 
     from monitor.report.flight import Flight
+    from monitor.report.series import Series
 
 __all__ = ["section"]
 
+Floats = NDArray[np.float64]
+
 EVERY_ROW: Final = 200_000
 """More points than a flight of a day has rows, so that differences are of single rows."""
-ROWS_SHOWN: Final = 2_400
-"""A difference moves slowly: of more rows than this, every second, third ... is drawn."""
+SHOWN: Final = 1_200
+GAP_S: Final = 5.0
+"""A longer time without an estimate breaks the line [s]."""
 
 
 _TESTED: Final = tuple(
@@ -94,17 +102,22 @@ def _difference(flight: Flight, axis: Range1d, force: _Force) -> TimeChart:
     std = flight.estimate("wing", f"{force.column}_apart_std_percent", points=EVERY_ROW)
     if right is None or left is None or std is None:
         return chart
-    step = -(-len(right) // ROWS_SHOWN)
-    every = slice(None, None, step)
-    apart = (right.middle - left.middle)[every]
-    mean = Derived(right.t_s[every], apart, apart, "%")
-    apart_std = Derived(mean.t_s, std.high[every], std.high[every], "%")
-    chart.deviation(mean, apart_std, ONE_BAND.name)
+    mean = _thinned(right, right.middle - left.middle, flight.duration_s)
+    chart.deviation(mean, _thinned(right, std.high, flight.duration_s), ONE_BAND.name)
     chart.line(mean, "right less left", palette.RECONSTRUCTED)
     if chart.legend:
         limit = force.limit_percent
         chart.threshold(-limit, limit, name="least damage")
     return chart
+
+
+def _thinned(like: Series, values: Floats, duration_s: float) -> Derived | None:
+    """Values (n,) of single rows, at most :data:`SHOWN` points with their extremes."""
+    t_us = np.round(like.t_s * 1e6).astype(np.int64)
+    known = np.isfinite(like.low)
+    piece = t_us[known], values[known], values[known]
+    found = thinned([piece], 0, round(duration_s * 1e6), SHOWN, round(GAP_S * 1e6))
+    return None if found is None else Derived(found[0] / 1e6, found[1], found[2], "%")
 
 
 def _each(flight: Flight, axis: Range1d, force: _Force) -> TimeChart:

@@ -11,7 +11,7 @@ import pytest
 from monitor.report import air, engine, imu, panels, wing
 from monitor.report.section import Chart, Section
 from monitor.settings import Settings
-from monitor.verdict import AIR_TESTS, ENGINE_ESTIMATE, IMU_TESTS
+from monitor.verdict import AIR_TESTS, ENGINE_ESTIMATE, IMU_TESTS, WING_ESTIMATE
 from tests.monitor.report import small_flight as small
 from tests.monitor.report.summaries import fault, stream, watched
 
@@ -217,6 +217,23 @@ def test_the_difference_of_the_wings_is_that_of_each_row() -> None:
     drawn = next(d["y"] for d in lines if d["y"].size == T_S.size)
     assert drawn == pytest.approx(right - left, abs=1e-5)
     assert limits(apart) == [-3.0, 3.0]
+
+
+def test_no_peak_of_a_long_flights_difference_is_lost() -> None:
+    t_s = np.arange(0.0, 7200.0, 0.5)
+    rows = np.zeros(t_s.size, WING_ESTIMATE)
+    rows["t_us"] = np.round(t_s * 1e6)
+    rows["right_lift_percent"][7777] = 30.0
+    rows["left_lift_percent"][12_345] = 20.0
+    rows["lift_apart_std_percent"] = 1.0
+    flight = small.flight({"wing": rows}, log={"duration_s": 7200.0})
+    apart, *_ = figures(wing.section(flight, axis_of(flight)))
+    lines = [r.data_source.data for r in apart.renderers if type(r.glyph).__name__ == "Line"]
+    drawn = max(lines, key=lambda d: d["t"].size)
+    assert drawn["t"].size < 2_500
+    assert (drawn["y"].min(), drawn["y"].max()) == (-20.0, 30.0)
+    at = drawn["t"][drawn["y"].argmax()]
+    assert at == pytest.approx(7777 * 0.5, abs=6.0)
 
 
 def test_what_was_assumed_before_anything_was_seen_is_not_drawn() -> None:
