@@ -37,7 +37,7 @@ CHECKS = Path(__file__).with_name("checks.js").read_text("utf-8")
 def find_chromium() -> str | None:
     """Path of a Chromium; ``MAVSENTRY_CHROMIUM`` goes before what is on the path."""
     chosen = os.environ.get("MAVSENTRY_CHROMIUM")
-    return chosen or next(filter(None, map(shutil.which, NAMES)), None)
+    return next(filter(None, map(shutil.which, [chosen] if chosen else NAMES)), None)
 
 
 def flags() -> list[str]:
