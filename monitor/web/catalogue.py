@@ -38,7 +38,7 @@ class Curve:
     std
         Column with one standard deviation of it: a band of two is drawn. None: no band.
     dash
-        ``"solid"`` or ``"dashed"``.
+        ``"solid"``, ``"dashed"`` or ``"dotted"``.
     width
         Of the line [px].
     """
@@ -131,10 +131,15 @@ def _imu(imu: str) -> Iterator[Chart]:
 
 
 def _tests(key: str, title: str, sensors: list[str]) -> Chart:
-    """Ratios to the threshold: the first half of the sensors solid, the others dashed."""
+    """Ratios to the threshold: the first half of the sensors solid, the others dotted."""
     half = (len(sensors) + 1) // 2
     lines = tuple(
-        Curve(f"{sensor}.test", sensor, MORE[i % half], dash="solid" if i < half else "dashed")
+        Curve(
+            f"{sensor}.test",
+            sensor.removeprefix(f"{key}.").removeprefix("wing_").replace(".", " "),
+            MORE[i % half],
+            dash="solid" if i < half else "dotted",
+        )
         for i, sensor in enumerate(sensors)
     )
     about = f"{title}: test statistics over their thresholds; above 1 a sensor is suspected."
