@@ -42,7 +42,7 @@ __all__ = ["section"]
 ROW: Final = 19
 """Height of a sensor's row [px]."""
 TABLE_ROWS: Final = 400
-"""States that the table lists; the changes of a flight that flutters are in ``summary.json``."""
+"""Rows of a table, at most; all that a flight that flutters has is in ``summary.json``."""
 WORDED: Final = 0.12
 """Part of the flight from which on a bar has room for its word."""
 
@@ -116,7 +116,7 @@ def _found(flight: Flight) -> list[Part]:
         Column("size", number=True),
         Column("evidence", long=True),
     ]
-    return [Table("What was found", columns, rows)]
+    return [Table("What was found", columns, rows[:TABLE_ROWS]), *_left(rows)]
 
 
 def _chart(flight: Flight, axis: Range1d, order: Sequence[str]) -> Chart:
@@ -321,10 +321,14 @@ def _table(flight: Flight, order: Sequence[str]) -> Fold:
         Column("to", number=True),
         Column("why", long=True),
     ]
-    parts: list[Part] = [Table("States of every sensor", columns, rows[:TABLE_ROWS])]
-    if len(rows) > TABLE_ROWS:
-        parts.append(Text(f"{len(rows) - TABLE_ROWS:,} more are not listed.", "soft"))
-    return Fold("The timeline as a table", parts)
+    table = Table("States of every sensor", columns, rows[:TABLE_ROWS])
+    return Fold("The timeline as a table", [table, *_left(rows)])
+
+
+def _left(rows: Sequence[object]) -> list[Part]:
+    """How many rows there was no room for."""
+    more = len(rows) - TABLE_ROWS
+    return [Text(f"{more:,} more are not listed.", "soft")] if more > 0 else []
 
 
 def _told(span: Span) -> str:

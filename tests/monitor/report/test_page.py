@@ -15,12 +15,22 @@ from links.vocabulary import State
 from monitor.pages import html, palette
 from monitor.report import REPORT, write_report
 from monitor.report.flight import Flight
-from monitor.report.page import frame
-from monitor.report.section import Column, Fold, Link, Listing, Said, Section, Table, Text
+from monitor.report.page import frame, render
+from monitor.report.section import (
+    Column,
+    Fold,
+    Link,
+    Listing,
+    Said,
+    Section,
+    Table,
+    Text,
+)
 from monitor.report.tables import MemoryTables
 from monitor.report.verdict_sentence import Top
 from monitor.settings import Settings
-from tests.monitor.report.summaries import summary
+from monitor.verdict import Verdict
+from tests.monitor.report.summaries import fault, summary
 
 HOSTILE = "</script><script>alert('x')</script><img src=//evil.example>"
 
@@ -117,6 +127,28 @@ def test_every_link_leads_somewhere_and_every_name_is_given_once(page: Page) -> 
     assert len(names) == len(set(names))
     assert {href[1:] for href in page.every("href")} <= set(names)
     assert {"fault-1", "fault-2"} <= {href[1:] for href in page.every("href")}
+
+
+def test_links_to_findings_that_share_charts_or_have_none_lead_to_where_they_are_told() -> None:
+    faults = [fault("airspeed0", 5.0 * k, 5.0 * k + 1, cleared_s=5.0 * k + 2) for k in range(1, 56)]
+    flight = Flight(summary(faults=faults), Settings(), _verdicts(faults), MemoryTables({}))
+    many = Page(render(flight))
+    (charts,) = [t for t in many.texts["script"] if t.startswith("{")]
+    led = [href[1:] for href in many.every("href")] + re.findall(
+        r'"#((?:fault|event|sensor)[a-z0-9-]*)"', charts
+    )
+    assert sum(key.startswith("fault-") for key in led) >= 2 * len(faults)
+    assert set(led) <= set(many.every("id"))
+    assert len(many.every("id")) == len(set(many.every("id")))
+
+
+def _verdicts(faults: list[dict[str, Any]]) -> list[Verdict]:
+    times = [
+        (f[key], state)
+        for f in faults
+        for key, state in (("isolated_s", State.FAULTY), ("cleared_s", State.OK))
+    ]
+    return [Verdict(round(1e6 * t_s), "airspeed0", state) for t_s, state in times]
 
 
 def test_headings_go_down_one_step_at_a_time(page: Page) -> None:
