@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.air_tests import short_of
 from estimators.jit import kernel
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "held",
     "new_check",
     "noise_check",
+    "noise_ratio",
     "noisy",
     "pair_noise",
     "pair_noise_rms",
@@ -224,19 +226,11 @@ def pair_noise(states: Array, limits: CheckLimits, i: int, dt: float) -> None:
 
 
 @kernel
-def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
-    """Whether pitot i scatters against every one of the others, and more than they do.
+def _scatter(states: Array, i: int, others: int) -> tuple[float, float]:
+    """Scatter of pitot i against the others and that of the quietest of them; inf without any.
 
-    Its difference from the others must scatter by ``rms`` and by ``ratio`` times what the quietest
-    of them does, and most of that scatter must show in its own readings. A peer that has lately
-    fallen silent is no witness, unless gusts cannot scatter anything so much: a blocked pitot feels
-    none, and beside it a good one looks noisy.
-
-    Parameters
-    ----------
-    states : (3, 18) float64
-    others : int
-        Bit set for each pitot that may serve for comparison.
+    A peer that has lately fallen silent is no witness, unless gusts cannot scatter anything so
+    much: a blocked pitot feels none, and beside it a good one looks noisy.
     """
     pair, quietest = np.inf, np.inf
     for j in range(states.shape[0]):
@@ -246,10 +240,38 @@ def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
         if states[j, VAR] >= SILENT * usual or states[i, PAIR0 + j] > BEYOND_GUSTS * usual:
             pair = min(pair, states[i, PAIR0 + j])
             quietest = min(quietest, states[j, VAR])
+    return pair, quietest
+
+
+@kernel
+def noisy(states: Array, i: int, others: int, rms: float, ratio: float) -> bool:
+    """Whether pitot i scatters against every one of the others, and more than they do.
+
+    Its difference from the others must scatter by ``rms`` and by ``ratio`` times what the quietest
+    of them does, and most of that scatter must show in its own readings.
+
+    Parameters
+    ----------
+    states : (3, 18) float64
+    others : int
+        Bit set for each pitot that may serve for comparison.
+    """
+    pair, quietest = _scatter(states, i, others)
     if pair == np.inf:
         return False
     limit = max(rms, ratio * math.sqrt(quietest / 6.0))
     return bool(pair > 6.0 * limit * limit and states[i, VAR] - quietest > 0.5 * pair)
+
+
+@kernel
+def noise_ratio(states: Array, i: int, others: int, rms: float, ratio: float) -> float:
+    """Scatter over what makes pitot i :func:`noisy`; NaN without a witness."""
+    pair, quietest = _scatter(states, i, others)
+    if pair == np.inf:
+        return np.nan
+    limit = max(rms, ratio * math.sqrt(quietest / 6.0))
+    own = (states[i, VAR] - quietest) / (0.5 * pair) if pair > 0.0 else 0.0
+    return short_of(math.sqrt(pair / 6.0) / limit, own)
 
 
 @kernel

@@ -70,11 +70,12 @@ from estimators.air_data_3d_state import (
     AirParams,
     AirState,
 )
-from estimators.air_horizon_stage import gather_epoch
+from estimators.air_horizon_stage import G_FRESH, G_RUNS, gather_epoch
 from estimators.air_peaks import APART as APART_PEAK
 from estimators.air_peaks import NOISE as NOISE_PEAK
 from estimators.air_peaks import note
 from estimators.air_swings import swinging
+from estimators.air_tests import LONG
 from estimators.atmosphere import (
     altitude_from_pressure,
     cas_from_tas,
@@ -378,6 +379,7 @@ def use_epoch(
         gust,
         top,
         where,
+        air.tests,
     ):
         clear(bank)
         return True
@@ -399,6 +401,9 @@ def use_epoch(
         air.noise,
         q,
     )
+    if air.stages.memory[G_RUNS] < 0.5 or air.stages.memory[G_FRESH] > 0.5:
+        for i in range(N_PITOTS):
+            air.tests[LONG + i] = np.nan
     if learnt != 0:
         note_evidence(air.peaks, t, par.limits, bank, top, where, learnt, known, gust)
         if t - memory[T_SPAWN] >= f.spawn_s:

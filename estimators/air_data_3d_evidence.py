@@ -10,9 +10,17 @@ from numpy.typing import NDArray
 from estimators.air_data_3d import N_PITOTS, SCALE
 from estimators.air_data_3d_bank import N_HYPOTHESES, WIND_CHANGED, Bank, WindBounds, evidence
 from estimators.air_peaks import MARGIN_ALL, MARGIN_ONE, MARGIN_SINGLE, MIN_SHIFT, note
+from estimators.air_tests import HELD, hold, short_of
 from estimators.jit import kernel
 
-__all__ = ["JudgeLimits", "convicted", "disagreement", "margin_of", "note_evidence"]
+__all__ = [
+    "JudgeLimits",
+    "convicted",
+    "disagreement",
+    "hold_evidence",
+    "margin_of",
+    "note_evidence",
+]
 
 Array = NDArray[np.float64]
 _SCALE0 = SCALE.start
@@ -153,6 +161,35 @@ def convicted(
             if large and evidence(top, h) > margin_of(limits, h, active, fitted):
                 return h
     return 0
+
+
+@kernel
+def hold_evidence(
+    tests: Array,
+    t: float,
+    limits: JudgeLimits,
+    bank: Bank,
+    top: Array,
+    where: NDArray[np.int64],
+    active: int,
+    fitted: int,
+    gust: float,
+) -> None:
+    """Hold the evidence against each pitot under judgement, over what a verdict takes.
+
+    Parameters as of :func:`convicted`. Of an explanation by several pitots it counts for each.
+    """
+    for i in range(N_PITOTS):
+        if (active >> i) & 1:
+            hold(tests, HELD + i, 0.0)
+    for h in range(1, N_HYPOTHESES):
+        if not _believable(t, limits, bank, top, where, h, active):
+            continue
+        shift = _least_shift(bank, where[h], h, h) / least_of(limits, h, active, gust)
+        ratio = short_of(evidence(top, h) / margin_of(limits, h, active, fitted), shift)
+        for i in range(N_PITOTS):
+            if (h >> i) & 1:
+                hold(tests, HELD + i, ratio)
 
 
 @kernel

@@ -44,7 +44,14 @@ from estimators.air_data_3d_bank import (
     survey,
     wind_evidence,
 )
-from estimators.air_data_3d_evidence import JudgeLimits, convicted, disagreement, margin_of
+from estimators.air_data_3d_evidence import (
+    JudgeLimits,
+    convicted,
+    disagreement,
+    hold_evidence,
+    margin_of,
+)  # fmt: skip
+from estimators.air_tests import hold_return
 from estimators.jit import kernel
 
 __all__ = [
@@ -328,6 +335,11 @@ def _learn(s: Array, limits: JudgeLimits, std: float) -> None:
 
 
 @kernel
+def _tolerance(s: Array, limits: JudgeLimits) -> float:
+    return limits.readmit_shift if s[S_LEARNT] > NEVER_LEARNT else limits.readmit_unlearnt
+
+
+@kernel
 def _recover(
     judge: Judge,
     limits: JudgeLimits,
@@ -344,7 +356,7 @@ def _recover(
     if np.isnan(e):
         s[S_AGREES_SINCE] = np.nan
         return False
-    tolerance = limits.readmit_shift if s[S_LEARNT] > NEVER_LEARNT else limits.readmit_unlearnt
+    tolerance = _tolerance(s, limits)
     s[S_MEAN_RESIDUAL] += min(dt / RECOVERY_TAU_S, 1.0) * (
         min(max(e, -1.0), 1.0) - s[S_MEAN_RESIDUAL]
     )
@@ -417,6 +429,7 @@ def judge_epoch(
     gust: float,
     top: Array,
     where: NDArray[np.int64],
+    tests: Array,
 ) -> bool:
     """Decide after an epoch; return whether the set of judged pitots has changed.
 
@@ -432,13 +445,15 @@ def judge_epoch(
         The aircraft has flown long enough to have learnt anything.
     gust : float [1]
         Gust intensity as a share of the airspeed.
-    top : (8,) float64 and where : (8,) int64
-        Work space for the evidence.
+    top : (8,) float64, where : (8,) int64 and tests : (7,) float64
+        Work space for the evidence, and what :mod:`estimators.air_tests` keeps.
     """
-    memory = judge.memory
-    changed = False
+    memory, changed, faulty = judge.memory, False, 0
+    for i in range(N_PITOTS):
+        faulty |= (1 << i) if judge.sensor[i, S_STATUS] == FAULTY else 0
     survey(bank, limits.wind, t, top, where)
     h = convicted(t, limits, bank, top, where, active, known, gust)
+    hold_evidence(tests, t, limits, bank, top, where, active, known, gust)
     if h == 0 or h != memory[J_HELD_MASK]:
         memory[J_HELD_MASK], memory[J_HELD_SINCE] = float(h), t
     elif t - memory[J_HELD_SINCE] >= limits.confirm_s:
@@ -458,8 +473,12 @@ def judge_epoch(
             continue
         s = judge.sensor[i]
         if s[S_STATUS] == FAULTY:
-            if _recover(judge, limits, log, t, dt, i, n_std, bool((quiet >> i) & 1)):
+            still = bool((quiet >> i) & 1)
+            if _recover(judge, limits, log, t, dt, i, n_std, still):
                 changed = True
+            if (faulty >> i) & 1:  # of one that has just been blamed, what blamed it counts
+                hold_return(tests, i, s[S_MEAN_RESIDUAL], s[S_RESIDUAL], _tolerance(s, limits),
+                            still and n_std < limits.lost_scale_std)  # fmt: skip
             continue
         if long_enough:
             _learn(s, limits, math.sqrt(bank.P[_SCALE0 + i, _SCALE0 + i]))

@@ -20,6 +20,7 @@ from estimators.air_data_3d_rows import QUEUE, Rings, new_rings
 from estimators.air_horizon_stage import Gathering, StageLevels, new_gathering
 from estimators.air_peaks import new_peaks
 from estimators.air_swings import new_swings
+from estimators.air_tests import new_tests
 from estimators.atmosphere import P0_PA
 
 __all__ = ["AirParams", "AirState", "FilterLevels", "new_state"]
@@ -99,6 +100,8 @@ class AirState(NamedTuple):
     swing : (3, 12) float64
     peaks : (15, 3) float64
         How near to the limits the flight came, see :mod:`estimators.air_peaks`.
+    tests : (7,) float64
+        How near each pitot came to a verdict since the last row, see :mod:`estimators.air_tests`.
     stages
         Epochs on their way to the long horizon (:mod:`estimators.air_horizon_judge`).
     """
@@ -112,6 +115,7 @@ class AirState(NamedTuple):
     bank: Bank
     judge: Judge
     peaks: Array
+    tests: Array
     stages: Gathering
 
 
@@ -131,5 +135,6 @@ def new_state(params: AirParams) -> AirState:
         bank=new_bank(),
         judge=new_judge(),
         peaks=new_peaks(),
+        tests=new_tests(),
         stages=new_gathering(),
     )

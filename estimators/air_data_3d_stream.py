@@ -32,18 +32,22 @@ from estimators.air_checks import (
     CHECK_NOISE,
     CHECK_NONE,
     CHECK_OSCILLATION,
+    DEAD_SHARE,
     DEAD_SINCE,
     GROSS_SINCE,
+    N_SAME,
     NOISE_SINCE,
     SAME_SINCE,
     T_LAST,
+    Z_FLOOR_M_S,
     check_sample,
     noise_check,
+    noise_ratio,
     noisy,
     pair_noise,
     pair_noise_rms,
 )
-from estimators.air_data_3d import SCALE
+from estimators.air_data_3d import N_PITOTS, SCALE
 from estimators.air_data_3d_bank import (
     N_HYPOTHESES,
     clear,
@@ -55,6 +59,7 @@ from estimators.air_data_3d_judge import (
     J_ROWS,
     LEARNING,
     LEARNT,
+    NEVER_LEARNT,
     NO_REASON,
     ON_GROUND,
     REFERENCE_MISSING,
@@ -91,10 +96,14 @@ from estimators.air_data_3d_state import (
 )
 from estimators.air_horizon_stage import G_COUNT
 from estimators.air_peaks import DEAD_WIND, GROSS_LN, NOISE_RMS, note
-from estimators.air_swings import follow_swing, ragged, swings
+from estimators.air_swings import follow_swing, ragged, swing_ratio, swings
+from estimators.air_tests import HELD, LONG, N_ROW, ROW_S, T_ROW, hold, pending, put_row, short_of
 from estimators.atmosphere import (
+    altitude_from_pressure,
+    cas_from_tas,
     eas_from_cas,
     sigma_rho_from_pressure,
+    temperature,
 )
 from estimators.jit import kernel
 
@@ -107,6 +116,7 @@ __all__ = [
     "EV_PITOT",
     "EV_PRESENT",
     "N_ESTIMATE",
+    "N_ROW",
     "AirParams",
     "AirState",
     "FilterLevels",
@@ -126,6 +136,8 @@ EPOCH_WAIT_S = 0.12
 EPOCH_PATIENCE_S = 1.6
 """An epoch without attitudes around it is dropped after this."""
 SECOND_RECEIVER_AFTER_S = 1.0
+NO_EPOCH_S = 0.6
+"""After so long without an epoch the samples make rows of tests of their own."""
 ABSENT_AFTER_S = 10.0
 """A pitot that has shown nothing but zero for so long in flight is not there."""
 
@@ -144,6 +156,32 @@ def _note(
         scatters = noisy(air.check, i, others, 0.0, par.checks.noise_ratio)
         rms = pair_noise_rms(air.check, i, others) if scatters else 0.0
     note(air.peaks, NOISE_RMS + i, t, rms, par.checks.noise_s)
+
+
+@kernel
+def _hold_checks(
+    air: AirState, par: AirParams, t: float, i: int, error: float, std: float, dead: float,
+    tas: float, others: int,
+) -> None:  # fmt: skip
+    """Hold what the checks of a sample of pitot i say, over their limits.
+
+    Parameters
+    ----------
+    error, std : float [1]
+        ln of the airspeed over the one predicted, and the prediction's deviation; NaN without one.
+    dead, tas : float [m/s]
+        Wind that it would take to explain the sample, NaN once the wind is known; true airspeed.
+    """
+    limits, state, slot = par.checks, air.check[i], HELD + i
+    if state[N_SAME] >= 4.0:
+        hold(air.tests, slot, (t - state[SAME_SINCE]) / limits.constant_s)
+    hold(air.tests, slot, abs(error) / (limits.gross_ln + 3.0 * std))
+    shown = max(Z_FLOOR_M_S, DEAD_SHARE * air.memory[SPEED]) / max(tas, 0.1)
+    hold(air.tests, slot, short_of(dead / limits.dead_wind_m_s, shown))
+    if air.memory[TRUSTED] > 0.5:
+        rms, ratio = limits.noise_rms, limits.noise_ratio
+        hold(air.tests, slot, noise_ratio(air.check, i, others, rms, ratio))
+        hold(air.tests, slot, swing_ratio(air.swing, limits, i, others, t))
 
 
 @kernel
@@ -175,9 +213,10 @@ def _pitot_sample(air: AirState, par: AirParams, t: float, i: int, c: float, log
             set_status(judge, log, t, i, ABSENT, NO_REASON, CHECK_NONE, np.nan, np.nan, np.nan)
         return
     s[S_SHOWN] = eas
-    _note(air, par, t, i, math.log(max(eas, 0.1) / p) if p > 1.0 else np.nan, p_std, others)
+    _note(air, par, t, i, rho, p_std, others)
     dead = np.nan if s[S_LEARNT] == LEARNT else speed - 1.2 * eas / sigma
     note(air.peaks, DEAD_WIND + i, t, dead, par.checks.dead_s)
+    _hold_checks(air, par, t, i, rho, p_std, dead, eas / sigma, others)
     onset, stat, limit = t, 0.0, 0.0
     if failed == CHECK_CONSTANT:
         onset, limit = check[SAME_SINCE], par.checks.constant_s
@@ -221,6 +260,20 @@ def _queue(air: AirState, t: float, V: Array, receiver: int) -> None:
 
 
 @kernel
+def _put_tests(air: AirState, t: float, row: Array) -> None:
+    """Write a row of tests at an epoch, with the CAS that each pitot should show."""
+    put_row(air.tests, t, t, row)
+    p = air.memory[PRESSURE]
+    sigma, t_k = sigma_rho_from_pressure(p), temperature(altitude_from_pressure(p))
+    for i in range(N_PITOTS):
+        s = air.judge.sensor[i]
+        if s[S_LEARNT] > NEVER_LEARNT:
+            std = math.sqrt(air.memory[LN_N_STD] ** 2 + air.bank.P[_SCALE0 + i, _SCALE0 + i])
+            row[4 + i] = cas_from_tas(s[S_EXPECT] / sigma, p, t_k)
+            row[7 + i] = row[4 + i] * std
+
+
+@kernel
 def run(
     air: AirState,
     par: AirParams,
@@ -231,11 +284,12 @@ def run(
     value: Array,
     estimates: Array,
     log: Array,
-) -> tuple[int, int, int]:
+    tests: Array,
+) -> tuple[int, int, int, int]:
     """Use events in time order from number ``start`` on, up to where the long horizon is to decide.
 
-    Returns the number of the next event and how many rows of ``estimates`` and ``log`` were
-    written.
+    Returns the number of the next event and how many rows of ``estimates``, ``log`` and ``tests``
+    were written.
 
     Parameters
     ----------
@@ -246,10 +300,12 @@ def run(
     estimates : (n + 16, 15) float64
     log : (3 n + 64, 13) float64
         See :mod:`estimators.air_data_3d_judge`.
+    tests : (2 n + 32, 11) float64
+        See :mod:`estimators.air_tests`.
     """
     memory, judge = air.memory, air.judge
     judge.memory[J_ROWS] = 0.0
-    n_out = 0
+    n_out, n_tests, said = 0, 0, 0.0
     E = np.empty((3, 3))
     work = np.empty((7, 10))
     where = np.empty(N_HYPOTHESES, np.int64)
@@ -282,6 +338,10 @@ def run(
             row = push(air.rings.pitot[i], air.rings.pushed, 2 + i)
             row[0], row[1] = now, v[0]
             _pitot_sample(air, par, now, i, v[0], log)
+            alone = now - air.tests[T_ROW] > NO_EPOCH_S
+            if (alone or judge.memory[J_ROWS] > said) and pending(air.tests):
+                put_row(air.tests, now, memory[T_EPOCH], tests[n_tests])
+                n_tests += 1
             if memory[FLYING] < 0.5:
                 unmonitor(judge, log, now, known_pitots(air), ON_GROUND)
         while memory[HEAD] < memory[TAIL]:
@@ -290,8 +350,13 @@ def run(
                 break
             if axes_at(air.rings, epoch[0], E):
                 memory[HEAD] += 1.0
+                said = judge.memory[J_ROWS]
                 if use_epoch(air, par, epoch, log, estimates[n_out], E, work, where):
                     n_out += 1
+                    due = epoch[0] - air.tests[T_ROW] >= ROW_S
+                    if due or judge.memory[J_ROWS] > said:
+                        _put_tests(air, epoch[0], tests[n_tests])
+                        n_tests += 1
             elif now > epoch[0] + EPOCH_PATIENCE_S:
                 memory[HEAD] += 1.0
             else:
@@ -300,6 +365,9 @@ def run(
             since = max(memory[T_EPOCH], memory[FLYING_SINCE])
             if now - since > par.levels.reference_gap_s:
                 unmonitor(judge, log, now, known_pitots(air), REFERENCE_MISSING)
+                for j in range(N_PITOTS):
+                    air.tests[LONG + j] = np.nan
+        said = judge.memory[J_ROWS]
         if air.stages.memory[G_COUNT] >= par.stage.solve_every:
-            return k + 1, n_out, int(judge.memory[J_ROWS])
-    return len(t), n_out, int(judge.memory[J_ROWS])
+            return k + 1, n_out, int(judge.memory[J_ROWS]), n_tests
+    return len(t), n_out, int(judge.memory[J_ROWS]), n_tests

@@ -72,6 +72,7 @@ from estimators.air_horizon_stage import (
     Z_WALK2,
     Gathering,
 )
+from estimators.air_tests import LONG, hold, short_of
 from estimators.jit import kernel
 
 __all__ = ["conclude", "take", "turned", "weigh"]
@@ -170,6 +171,31 @@ def weigh(z: LongHorizon, levels: HorizonLevels, active: int, top: Array) -> int
             if shifted:
                 return h
     return 0
+
+
+@kernel
+def hold_drifts(
+    z: LongHorizon, levels: HorizonLevels, active: int, top: Array, tests: Array
+) -> None:
+    """Hold the evidence of a drift of each pitot, over what a verdict takes; it stands till then.
+
+    Parameters as of :func:`weigh`, after it; ``tests`` (7,) of :mod:`estimators.air_tests`.
+    """
+    for i in range(N_PITOTS):
+        tests[LONG + i] = 0.0 if (active >> i) & 1 else np.nan
+    for h in range(1, N_HYPOTHESES):
+        if top[h] == -np.inf or parsimony(top, h) > 0.5 * levels.margin_one:
+            continue
+        margin = levels.margin_all if h == active else levels.margin_one
+        rest = np.inf
+        for i in range(N_PITOTS):
+            if (h >> i) & 1:
+                rest = min(rest, abs(_shift(z, h, i)) / levels.min_shift)
+                if h == active and not turned(z, _reached(z, h, i, TURNED_SHARE)):
+                    rest = 0.0
+        for i in range(N_PITOTS):
+            if (h >> i) & 1:
+                hold(tests, LONG + i, short_of(evidence(top, h) / margin, rest))
 
 
 @kernel
@@ -272,6 +298,7 @@ def conclude(
     judge: Judge,
     limits: JudgeLimits,
     log: Array,
+    tests: Array,
 ) -> int:
     """Decide after all explanations have been solved; return rows written to ``log``.
 
@@ -279,12 +306,15 @@ def conclude(
     ----------
     log : (n, 13) float64
         See :mod:`estimators.air_data_3d_judge`.
+    tests : (7,) float64
+        See :mod:`estimators.air_tests`.
     """
     judge.memory[J_ROWS] = 0.0
     memory, t = z.memory, gathering.memory[G_T]
     active = int(gathering.memory[G_ACTIVE])
     top = np.empty(N_HYPOTHESES)
     h = weigh(z, levels, active, top)
+    hold_drifts(z, levels, active, top, tests)
     if h == 0 or h != int(memory[H_HELD]):
         memory[H_HELD], memory[H_HELD_SINCE] = float(h), t
     elif t - memory[H_HELD_SINCE] >= levels.confirm_s:

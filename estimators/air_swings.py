@@ -32,9 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_checks import PAIR0, SIMULTANEOUS_S, CheckLimits
+from estimators.air_tests import short_of
 from estimators.jit import kernel
 
-__all__ = ["N_SWING", "follow_swing", "new_swings", "ragged", "swinging", "swings"]
+__all__ = ["N_SWING", "follow_swing", "new_swings", "ragged", "swing_ratio", "swinging", "swings"]
 
 Array = NDArray[np.float64]
 
@@ -164,6 +165,27 @@ def swings(
             return 0.0, limit, t
         v, onset = min(v, pair[V]), min(onset, pair[SINCE])
     return (math.sqrt(v) if v < np.inf else 0.0), limit, onset
+
+
+@kernel
+def swing_ratio(state: Array, limits: CheckLimits, i: int, others: int, t: float) -> float:
+    """Rms of the oscillation of pitot i over its limit; NaN without another pitot.
+
+    It counts in full once the turns are enough and the oscillation is its own, see :func:`swings`.
+    """
+    v, limit, rest = np.inf, 0.0, np.inf
+    for j in range(state.shape[0]):
+        if j == i or not (others >> j) & 1:
+            continue
+        pair = state[i + j - 1]
+        g = pair[G] if i < j else -pair[G]
+        quiet = max(0.25 * (pair[V] + pair[U] - 2.0 * abs(g)), 0.0)
+        limit = max(limits.noise_rms, limits.noise_ratio * math.sqrt(quiet), limit)
+        turns = pair[TURNS] if t - pair[T_TURN] <= HALF_PERIOD_S else 0.0
+        own = g / (0.5 * pair[V]) if pair[V] > 0.0 else 0.0
+        rest = min(rest, turns / TURNS_MIN, own)
+        v = min(v, pair[V])
+    return short_of(math.sqrt(v) / limit, rest) if v < np.inf else np.nan
 
 
 @kernel

@@ -48,6 +48,7 @@ from estimators.air_mhe_3d import (
 )
 from estimators.air_vote import judge
 from estimators.air_vote_record import STAGE_S, VoteLimits, Votes, new_votes
+from estimators.air_vote_tests import N_TEST, put_tests
 from estimators.atmosphere import P0_PA, altitude_from_pressure, temperature
 from estimators.attitude import dcm_from_quaternion
 from estimators.jit import kernel
@@ -62,6 +63,7 @@ __all__ = [
     "EV_PHASE",
     "EV_PITOT",
     "N_ESTIMATE",
+    "N_TEST",
     "N_VALUES",
     "Stream",
     "StreamLimits",
@@ -81,12 +83,14 @@ GRAVITY = 9.80665
 MEAN_WIND_S = 20.0
 """The published wind is the mean over this: gusts of a few seconds are not wind."""
 FRESH_STAGES = 10.0
+TESTS_S = 0.2
+"""Rows of tests are no nearer to each other, but for those of a change of state."""
 
 # slots of the clock array
 (
     C_NEXT, C_FLYING, C_ATT, C_IMU, C_GPS_NEW, C_GPS_T, C_NAV_T, C_NAV_NEW, C_RUNNING, C_COUNT,
-    C_EMIT, C_LAST, C_DOUBT,
-) = range(13)  # fmt: skip
+    C_EMIT, C_LAST, C_DOUBT, C_TESTS,
+) = range(14)  # fmt: skip
 
 
 SILENT_S, GAP_S = 0.5, 2.5
@@ -138,7 +142,7 @@ def new_stream() -> Stream:
     """A stream before its first row."""
     z = np.zeros
     s = Stream(
-        new_horizon(N_HORIZON), new_votes(), np.full(13, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
+        new_horizon(N_HORIZON), new_votes(), np.full(14, -1e9), np.eye(3), z(3), z(3), z((2, 3)),
         z(2), z((2, 3, 2)), z((2, 3, 3)), new_memory(),
     )  # fmt: skip
     s.clock[C_NEXT] = np.nan
@@ -376,9 +380,9 @@ def _estimate(s: Stream, p: TriplexParams, t_s: float, out: Array) -> None:
 @kernel
 def run(
     s: Stream, p: TriplexParams, t_s: Array, code: Ints, index: Ints, value: Array,
-    estimates: Array, log: Array,
-) -> tuple[int, int]:  # fmt: skip
-    """Run over events in time order; returns the numbers of estimate and log rows written.
+    estimates: Array, log: Array, tests: Array,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Run over events in time order; returns how many rows of the last three were written.
 
     Parameters
     ----------
@@ -389,9 +393,12 @@ def run(
         Time and the fields of an air estimate.
     log : (n, 17) float64, written
         Rows of :mod:`estimators.air_vote_record`.
+    tests : (n, 19) float64, written
+        Rows of :mod:`estimators.air_vote_tests`.
     """
     clock = s.clock
     n_estimates = 0
+    n_tests = 0
     row = 0 * t_s.size  # a literal 0 would have every kernel below compiled twice
     for k in range(t_s.size):
         t = t_s[k]
@@ -407,8 +414,15 @@ def run(
                     s.votes.age[ch, i] += skipped
         while t >= clock[C_NEXT]:
             at = clock[C_NEXT]
+            said = row
             row = _stage(s, p, at, log, row)
             clock[C_NEXT] = at + STAGE_S
+            due = clock[C_FLYING] == 1.0 and at - clock[C_TESTS] > TESTS_S - 0.5 * STAGE_S
+            if (due or row > said) and n_tests < tests.shape[0]:
+                running = clock[C_RUNNING] == 1.0 and clock[C_COUNT] > 50.0
+                put_tests(s.votes, s.horizon, running, at, tests[n_tests])
+                n_tests += 1
+                clock[C_TESTS] = at
             if (
                 clock[C_RUNNING] == 1.0
                 and clock[C_COUNT] > 50.0
@@ -470,4 +484,4 @@ def run(
             clock[C_FLYING] = value[k, 0]
             if value[k, 0] == 0.0:
                 clock[C_RUNNING] = 0.0
-    return n_estimates, row
+    return n_estimates, row, n_tests

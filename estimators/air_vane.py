@@ -48,6 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.air_checks import held
+from estimators.air_tests import short_of
 from estimators.air_vane_filter import OFFSET, vane_update
 from estimators.jit import kernel
 
@@ -56,6 +57,7 @@ __all__ = [
     "EV_PHASE",
     "EV_VANE",
     "N_LOG",
+    "N_TEST",
     "N_VANES",
     "VaneLimits",
     "Vanes",
@@ -103,6 +105,10 @@ SHIFT, CONSTANT, SCATTER, GROSS = 0.0, 1.0, 2.0, 3.0
     G_EARLY, G_ROUGH, G_TAS, G_AGAIN,
 ) = range(14)  # fmt: skip
 N_LOG = 14
+
+# Columns of a row of tests, three vanes each: statistic over threshold, what the vane should show.
+(V_T, V_RATIO, V_EXPECT, V_STD) = (0, 1, 4, 7)
+N_TEST = 10
 
 # Scalars of one vane.
 (
@@ -316,9 +322,13 @@ def _blame(
 @kernel
 def _estimate(
     v: Vanes, p: VaneLimits, t: float, a: float, sigma: float, tas: float, log: Array, row: int,
-    i: int,
+    i: int, test: Array,
 ) -> int:  # fmt: skip
-    """Judge one vane at an estimate of the bank; returns the next log row."""
+    """Judge one vane at an estimate of the bank; returns the next log row.
+
+    ``test`` (10,) receives how near it came to a verdict, or while it is faulty how far it is from
+    agreement: the largest statistic over its threshold.
+    """
     s, memory = v.s[i], v.memory
     m = _samples(v, p, i, t, a)
     if math.isnan(m) or s[SEEN] == 0.0:
@@ -344,10 +354,17 @@ def _estimate(
     scatter_limit = max(p.scatter_rad, p.scatter_ratio * sigma)
     # What changes from sample to sample no gust explains: half as much of it is enough.
     scatter = max(math.sqrt(s[VAR]), 2.0 * math.sqrt(0.5 * s[STEP2]))
-    stands = still_s > (p.constant_s if moved > p.moved_rad else LONG * p.constant_s)
+    still_limit = p.constant_s if moved > p.moved_rad else LONG * p.constant_s
+    stands = still_s > still_limit
     scatters = scatter > scatter_limit
+    P = v.P[i, 0]
+    if s[N_USED] >= p.learn_s:
+        var = P[0, 0] + 2.0 * a * P[0, 1] + a * a * P[1, 1] + sigma * sigma
+        test[V_EXPECT + i], test[V_STD + i] = expect, math.sqrt(max(var, 0.0))
     if s[STATUS] == FAULTY:
         s[AGREE] += min(dt / AGREE_S, 1.0) * (m - expect - s[AGREE])
+        test[V_RATIO + i] = max(abs(s[AGREE]) / (0.5 * least), scatter / (0.5 * scatter_limit),
+                                still_s)  # fmt: skip
         well = abs(s[AGREE]) < 0.5 * least and scatter < 0.5 * scatter_limit and still_s < 1.0
         wait_s = p.readmit_s * 2.0 ** min(s[READMITTED], 6.0)
         if held(s, HELD_AGREE, well, t) >= wait_s:
@@ -360,6 +377,10 @@ def _estimate(
         return row
     far = held(s, HELD_GROSS, abs(r - x[0]) > p.gross_rad + 3.0 * sigma, t)
     ragged = held(s, HELD_SCATTER, scatters, t)
+    ratio = max(still_s / still_limit, abs(r - x[0]) / (p.gross_rad + 3.0 * sigma))
+    if s[STATUS] == OK:
+        ratio = max(ratio, scatter / scatter_limit)
+    test[V_RATIO + i] = ratio
     if stands:
         return _blame(v, log, row, t, i, CONSTANT, s[SAME_SINCE], still_s, p.constant_s, m, expect,
                       m - expect, tas)  # fmt: skip
@@ -389,7 +410,6 @@ def _estimate(
         if best < 0 or v.L[i, k] > v.L[i, best]:
             best = k
     if s[STATUS] != OK:
-        P = v.P[i, 0]
         std = math.sqrt(max(P[0, 0] + 2.0 * a * P[0, 1] + a * a * P[1, 1], 0.0))
         if s[N_USED] < p.learn_s or std > p.learnt_rad:
             return row
@@ -399,6 +419,8 @@ def _estimate(
         shift = v.x[i, 1 + best, OFFSET] - v.ref[i, best]
         now = math.copysign(1.0, shift) * (s[MEAN] + x[OFFSET] - v.ref[i, best])
         convicts = v.L[i, best] > p.margin and abs(shift) > least and now > 0.5 * abs(shift)
+        rest = min(abs(shift) / least, now / max(0.5 * abs(shift), 1e-9))
+        test[V_RATIO + i] = max(ratio, short_of(v.L[i, best] / p.margin, rest))
     if held(s, HELD_SHIFT, convicts, t) >= p.confirm_s:
         x[OFFSET] = v.ref[i, best]  # as it was before the shift
         return _blame(v, log, row, t, i, SHIFT, v.born[i, best], v.L[i, best], p.margin,
@@ -420,9 +442,10 @@ def _silent(memory: Array, t: float) -> bool:
 
 @kernel
 def run(
-    v: Vanes, p: VaneLimits, t: Array, code: Ints, index: Ints, value: Array, log: Array
-) -> int:
-    """Use events; return how many rows of ``log`` were written.
+    v: Vanes, p: VaneLimits, t: Array, code: Ints, index: Ints, value: Array, log: Array,
+    tests: Array,
+) -> tuple[int, int]:  # fmt: skip
+    """Use events; return how many rows of ``log`` and of ``tests`` were written.
 
     Parameters
     ----------
@@ -434,9 +457,11 @@ def run(
         Angle [rad]; a, sigma [rad] and true airspeed [m/s]; 1 from take-off and 0 from landing on.
     log : (3 n + 8, 14) float64
         Columns G_*.
+    tests : (n, 10) float64
+        Columns V_*, a row for each estimate.
     """
     memory = v.memory
-    row = 0 * t.size
+    row, n_tests = 0 * t.size, 0 * t.size
     for k in range(t.size):
         now = t[k]
         if code[k] == EV_VANE:
@@ -462,9 +487,14 @@ def run(
                     row = _say(v, log, row, now, i, UNMONITORED,
                                LEARNING if value[k, 0] > 0.5 else ON_GROUND)  # fmt: skip
         elif memory[FLYING] > 0.5 and now > memory[T_AIR]:
+            test = tests[n_tests]
+            for i in range(N_TEST):
+                test[i] = np.nan
+            test[V_T] = now
+            n_tests += 1
             for i in range(N_VANES):
-                row = _estimate(v, p, now, value[k, 0], value[k, 1], value[k, 2], log, row, i)
+                row = _estimate(v, p, now, value[k, 0], value[k, 1], value[k, 2], log, row, i, test)
             memory[T_AIR], memory[A_AIR] = now, value[k, 0]
             memory[_TIMES + int(memory[N_AIR]) % N_TIMES] = now
             memory[N_AIR] += 1.0
-    return row
+    return row, n_tests

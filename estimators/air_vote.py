@@ -70,6 +70,7 @@ from estimators.air_vote_signs import (
     note,
     who_jumped,
 )
+from estimators.air_vote_tests import hold_all, hold_vote
 from estimators.jit import kernel
 
 __all__ = ["judge"]
@@ -95,9 +96,11 @@ def _median(c: Array, use: Array) -> float:
 @kernel
 def _stay_or_come_back(
     z: Votes, p: VoteLimits, ch: int, i: int, limit: float, reference: float, newest: int,
-    friends: int, walk: float,
+    friends: int, walk: float, before: bool,
 ) -> None:  # fmt: skip
     """Count the stages that a latched sensor agrees; release it after ``clear_s``.
+
+    ``before``: it was latched before this stage.
 
     A sensor of a channel that was lost whole must also agree with a second one, and come back by
     half of the largest residual since the latch: what merely drifts along with a held wind stays.
@@ -115,6 +118,9 @@ def _stay_or_come_back(
         good = rms <= level and friends > 0
     if z.same[ch, i] >= p.constant_s or z.age[ch, i] > SHORT:
         good = False
+    if before:
+        apart = max(abs(mean), rms) / max(level, 1e-9)
+        hold_vote(z, ch, i, apart if good else max(apart, 1.0))
     z.calm[ch, i] = z.calm[ch, i] + 1.0 if good else 0.0
     if z.calm[ch, i] * STAGE_S >= p.clear_s:
         z.latched[ch, i] = 0.0
@@ -161,6 +167,7 @@ def judge(
     J = np.zeros(3)
     M = np.zeros(3)
     out = np.zeros(3)
+    was = np.empty(3)
     for ch in range(2):
         n_T = 0
         n_present = 0
@@ -169,6 +176,7 @@ def judge(
             c[i] = v * (1.0 - z.offset[ch, i]) if ch == 1 else v - z.offset[ch, i]
             here = z.age[ch, i] <= SHORT
             n_present += 1 if here else 0
+            was[i] = z.latched[ch, i]
             T[i] = 1.0 if here and z.latched[ch, i] == 0.0 else 0.0
             n_T += int(T[i])
         fused[ch, 0] = 0.0
@@ -225,6 +233,8 @@ def judge(
             )
             share = max(abs(m[i]) / limit_m, J[i] / limit_J)
             out[i] = share
+            if n_T > 1 and not learning:
+                hold_vote(z, ch, i, share)
             worst = max(worst, share)
             if share < 0.5:
                 n_quiet += 1
@@ -256,6 +266,8 @@ def judge(
                     for j in range(3):
                         if z.age[ch, j] <= SHORT and z.latched[ch, j] == 1.0:
                             moved = moved or not has_no_vote(z, ch, j)
+                if T[i] == 1.0 and not learning and moved:
+                    hold_vote(z, ch, i, z.same[ch, i] / p.constant_s)
                 if T[i] == 1.0 and not learning and z.same[ch, i] >= p.constant_s and moved:
                     row = convict(
                         log, row, z, t_s, ch, i, z.ring_r[ch, i], now, z.same[ch, i], p.constant_s,
@@ -303,6 +315,7 @@ def judge(
                     turned = True
                     for j in range(3):
                         if j != i and T[j] == 1.0:
+                            hold_vote(z, ch, j, M[j] / max(floor, M[j]))
                             row = convict(
                                 log,
                                 row,
@@ -372,6 +385,10 @@ def judge(
         bounded = J_e > limit_e and abs(mean_e) > 0.7 * limit_e
         stepped = J_f > limit_f and abs(mean_f) > 0.7 * limit_f and worst < 1.0
         z.flags[ch, 3, slot] = 1.0 if bounded or stepped else 0.0
+        if not learning and model and n_good > 0:
+            hold_all(z, ch, T, J_e, mean_e, limit_e, 0.7)
+            if worst < 1.0:
+                hold_all(z, ch, T, J_f, mean_f, limit_f, 0.7)
         if not learning and model and n_good > 0 and raised(z.flags[ch, 3]) >= CONFIRM:
             for i in range(3):
                 if T[i] == 1.0:
@@ -430,7 +447,9 @@ def judge(
             reference = fused[ch, 0] if fused[ch, 1] == 1.0 else predicted[ch]
             limit = floor if n_T > 0 else common
             if n_T > 0 or model:
-                _stay_or_come_back(z, p, ch, i, limit, reference, now, friends, walk[ch])
+                _stay_or_come_back(
+                    z, p, ch, i, limit, reference, now, friends, walk[ch], was[i] == 1.0
+                )
 
         # what is published
         for i in range(3):

@@ -111,6 +111,7 @@ class Votes(NamedTuple):
     run: Array  # (2, 3)
     longest: Array  # (2, 3)
     leap: Array  # (2,): variance of the usual leap
+    held: Array  # (2, 3): see estimators.air_vote_tests
     counters: Array  # [stages, stages flying, stages with a model]
 
 
@@ -125,6 +126,7 @@ def new_votes() -> Votes:
     votes = Votes(**{name: np.zeros(shape) for name, shape in shapes.items()})
     votes.age[:] = 1e9
     votes.state[:] = -1.0
+    votes.held[:] = np.nan
     return votes
 
 

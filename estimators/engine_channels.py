@@ -58,7 +58,15 @@ from estimators.engine_state import (
 from estimators.engine_ticks import N_CHANNELS
 from estimators.jit import kernel
 
-__all__ = ["NO_SUCH_RPM", "expected", "judge_channel", "tied", "turns", "use_reading"]
+__all__ = [
+    "NO_SUCH_RPM",
+    "channel_ratio",
+    "expected",
+    "judge_channel",
+    "tied",
+    "turns",
+    "use_reading",
+]
 
 Array = NDArray[np.float64]
 
@@ -183,6 +191,34 @@ def _peers(j: Judged, k: Groups, i: int, t: float) -> tuple[int, int, float]:
 
 
 @kernel
+def _stands_still(j: Judged, r: JudgeRules, k: Groups, i: int, t: float) -> bool:
+    """Whether standing still would count: the throttle moved, and the reading used to follow."""
+    c = j.c[i]
+    moved = t - c[MOVED] >= MOVED_S and math.isnan(c[LOW])
+    follows = k.kind[k.of[i]] == MODEL or tied(c, r)
+    return bool(moved and follows and c[VALUE] > r.dead_share * c[USUAL])
+
+
+@kernel
+def channel_ratio(j: Judged, r: JudgeRules, k: Groups, i: int, t: float) -> float:
+    """How near a channel is to a verdict: the largest statistic over its threshold.
+
+    Of a faulty one, its share of wrong readings over the threshold, at least 1 while the present
+    one does not fit. NaN of one that no model, peer or throttle speaks for.
+    """
+    c = j.c[i]
+    share = c[SHARE] / r.wrong_share
+    if c[STATUS] == FAULTY:
+        return max(share, 1.0) if math.isnan(c[CLEAN]) else share
+    if k.kind[k.of[i]] == BARE and not tied(c, r):
+        return np.nan
+    enough = c[WRONGS] / max(r.least_wrong, 1.0)
+    share = share if enough >= 1.0 else min(share, enough)
+    still = (t - c[SAME]) / r.stuck_s if _stands_still(j, r, k, i, t) else 0.0
+    return max(share, still)
+
+
+@kernel
 def judge_channel(
     j: Judged, r: JudgeRules, k: Groups, i: int, t: float, mu: float, throttle: float, now: bool,
     log: Array, n: int,
@@ -191,8 +227,7 @@ def judge_channel(
     c, group = j.c[i], k.of[i]
     kind = k.kind[group]
     expect = expected(c, kind, mu)
-    stuck = t - c[SAME] >= r.stuck_s and t - c[MOVED] >= MOVED_S and math.isnan(c[LOW])
-    stuck = stuck and (kind == MODEL or tied(c, r)) and c[VALUE] > r.dead_share * c[USUAL]
+    stuck = t - c[SAME] >= r.stuck_s and _stands_still(j, r, k, i, t)
     if c[STATUS] == FAULTY:
         fits = c[WAS] < 0.5 and math.isnan(c[LOW]) and not stuck
         if kind != MODEL and c[VALUE] < r.dead_share * c[USUAL]:

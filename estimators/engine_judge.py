@@ -45,6 +45,7 @@ from numpy.typing import NDArray
 from estimators import engine_power as power
 from estimators.engine_channels import (
     NO_SUCH_RPM,
+    channel_ratio,
     expected,
     judge_channel,
     tied,
@@ -132,12 +133,14 @@ from estimators.engine_ticks import (
 )
 from estimators.jit import kernel
 
-__all__ = ["judge"]
+__all__ = ["N_ENGINES", "judge"]
 
 Array = NDArray[np.float64]
 
 FOLLOW_S = 0.5
 """A speed follows the throttle within this, for the tie."""
+N_ENGINES = 4
+"""Engines whose ratios are told; each is one of the configured shafts'."""
 LOW_S = 1.0
 """Channels that are low for so long are waited on."""
 BACK_S = 3.0
@@ -173,9 +176,16 @@ def _runs(j: Judged, t: float, engine: int, log: Array, n: int) -> int:
 
 
 @kernel
+def _odds_ratio(r: JudgeRules, g: Array) -> float:
+    """Odds that an engine stopped over those that decide; no more than what was told of them."""
+    odds, told = g[ODDS] / r.decide_margin, g[TOLD] / r.decide_information
+    return odds if told >= 1.0 else min(max(odds, -told), told)
+
+
+@kernel
 def _group(
     j: Judged, r: JudgeRules, k: Groups, group: int, t: float, x: Array, mu: Array, log: Array,
-    n: int,
+    n: int, ratio: Array,
 ) -> int:  # fmt: skip
     """Whether a shaft's channels fell together, and what that was."""
     g = j.g[group]
@@ -221,11 +231,15 @@ def _group(
     g[ODDS] += says
     g[TOLD] += could
     settled = abs(g[ODDS]) > r.decide_margin and g[TOLD] > r.decide_information
+    near = _odds_ratio(r, g)
+    if engine < N_ENGINES and not g[HALTED] > 0.5:
+        ratio[N_CHANNELS + engine] = max(near, 0.0)
     for i in range(N_CHANNELS):
         c = j.c[i]
         if k.of[i] != group or math.isnan(c[LOW]) or c[STATUS] == FAULTY:
             continue
         expect = expected(c, k.kind[group], mu[i])
+        ratio[i] = max(-near, 0.0)
         if not settled:
             n = blame(c, log, n, t, i, SUSPECT, CAUSE_UNDECIDED, g[PENDING], abs(g[ODDS]),
                        r.decide_margin, c[VALUE], expect, throttle)  # fmt: skip
@@ -246,8 +260,9 @@ def _group(
 
 @kernel
 def _without_speed(
-    j: Judged, r: JudgeRules, t: float, x: Array, turning: bool, log: Array, n: int, k: Groups
-) -> int:
+    j: Judged, r: JudgeRules, t: float, x: Array, turning: bool, log: Array, n: int, k: Groups,
+    ratio: Array,
+) -> int:  # fmt: skip
     """Whether the first engine gives no power, as far as that shows without an engine speed."""
     s, m = j.s, j.power
     throttle, both = x[X_THROTTLE], np.nan
@@ -267,6 +282,9 @@ def _without_speed(
     elif math.isnan(s[CUT]):
         s[CUT] = t
     if s[E_STATUS] != STOPPED:
+        for lasts in ((t - s[LOSING]) / r.no_power_s, (t - s[CUT]) / r.cut_s, 0.0):
+            if s[E_STATUS] != UNSEEN and not ratio[N_CHANNELS] >= lasts and not math.isnan(lasts):
+                ratio[N_CHANNELS] = lasts
         if t - s[LOSING] >= r.no_power_s:
             return _stop(j, k, t, 0, CAUSE_NO_POWER, s[LOSING], t - s[LOSING], r.no_power_s,
                          throttle, both, log, n)  # fmt: skip
@@ -338,7 +356,7 @@ def _halted_speed(j: Judged, k: Groups, shaft: int) -> float:
 @kernel
 def judge(
     j: Judged, r: JudgeRules, k: Groups, table: Array, y: Array, w: Array, least: Array,
-    most: Array, mu: Array, sd: Array, halted: Array, log: Array,
+    most: Array, mu: Array, sd: Array, halted: Array, ratios: Array, log: Array,
 ) -> int:  # fmt: skip
     """Use closed steps; return how many rows of `log` were written.
 
@@ -353,6 +371,9 @@ def judge(
     halted : (K, 4) float64 [rpm]
         Receives what the channels of a configured shaft show while its engine has stopped, else
         NaN.
+    ratios : (K, 20) float64
+        Receives how near each channel and engine is to a verdict: the largest statistic over its
+        threshold, NaN where nothing was tested.
     log : (MOST_SAID K, 16) float64
         Columns L_*.
     """
@@ -389,6 +410,8 @@ def judge(
                          np.nan if math.isnan(own) else followed)  # fmt: skip
         for shaft in range(N_SHAFTS):
             halted[step, shaft] = _halted_speed(j, k, shaft)
+        ratio = ratios[step]
+        ratio[:] = np.nan
         if not flying:
             continue
         for group in range(N_GROUPS):
@@ -398,7 +421,7 @@ def judge(
                     used = True
             if not used:
                 continue
-            n = _group(j, r, k, group, t, x, mu[step], log, n)
+            n = _group(j, r, k, group, t, x, mu[step], log, n, ratio)
             own = x[X_THROTTLE + k.throttle[group]]
             for i in range(N_CHANNELS):
                 c = j.c[i]
@@ -406,6 +429,10 @@ def judge(
                     continue
                 waits = j.g[group, HALTED] > 0.5
                 if not waits:
+                    fresh = t - c[T_LAST] <= FRESH_S and not math.isnan(own)
+                    if fresh and not ratio[i] >= 1.0:
+                        near = channel_ratio(j, r, k, i, t)
+                        ratio[i] = near if not ratio[i] >= near else ratio[i]
                     now = not math.isnan(y[step, i])
                     n = judge_channel(j, r, k, i, t, mu[step, i], own, now, log, n)
                 good = c[STATUS] != FAULTY and t - c[T_LAST] <= FRESH_S
@@ -418,7 +445,7 @@ def judge(
         sound = j.s[E_STATUS] != STOPPED and not (doubtful and known) and math.isnan(j.s[CUT])
         if sound and not math.isnan(x[X_P]) and (turning or math.isnan(j.s[LOSING])):
             learn(j.power, r.power, x[X_AIRSPEED], x[X_THROTTLE_T], x[X_P], x[X_PG])
-        n = _without_speed(j, r, t, x, turning, log, n, k)
+        n = _without_speed(j, r, t, x, turning, log, n, k, ratio)
         if j.s[E_STATUS] == UNMONITORED and known:
             j.s[E_STATUS] = OK
             n = say(log, n, t, 1.0, 0, OK, REASON_NONE, CAUSE_NONE)

@@ -58,6 +58,7 @@ from estimators.ins_bank_state import (
     EVENT_WIDTH,
     GPS,
     MAX_IMUS,
+    N_RATIOS,
     PENDING,
     PHASE,
     R_ALT,
@@ -71,10 +72,12 @@ from estimators.ins_bank_state import (
     R_VD,
     R_VE,
     R_VN,
+    TICK_WIDTH,
     Bank,
     Tuning,
     make_bank,
 )
+from estimators.ins_bank_tests import tick_ratios
 from estimators.ins_bank_turns import forget_turns, note_turn, undo_jump, usual_error
 from estimators.ins_bank_windows import (
     SWING_Z2,
@@ -111,6 +114,7 @@ __all__ = [
     "R_T_BARO",
     "R_T_GPS",
     "SWING_Z2",
+    "TICK_WIDTH",
     "Bank",
     "Tuning",
     "accept",
@@ -344,9 +348,10 @@ def run(
         See :data:`EVENT_WIDTH`.
     first : int
         First event to use.
-    ticks : (m, I, 19) float64
+    ticks : (m, I, 26) float64
         Receives, at every tick and per IMU, time, estimated faults (NaN when not aligned), their
-        variances, and the latest sample.
+        variances, the latest sample, and how near each axis is to a verdict
+        (:mod:`estimators.ins_bank_tests`).
     tick_count : (1,) int64
         Rows of ``ticks`` used; grows.
     every : bool
@@ -390,6 +395,7 @@ def run(
             b.clock[C_GPS_BAD_S] = t + GPS_DISTRUST_S
             b.aligned_s[:] = np.nan
         odd = interesting(b, p, t) or odd
+        tick_ratios(b, p, t)
         row = tick_count[0]
         if row < ticks.shape[0]:
             for i in range(n_imus):
@@ -400,6 +406,8 @@ def run(
                     ticks[row, i, 1 + a] = math.nan if blind else b.x[c, F_ACC + a]
                     ticks[row, i, 7 + a] = b.P[c, F_ACC + a, F_ACC + a]
                     ticks[row, i, 13 + a] = b.sample[i, 1 + a]
+                for a in range(N_RATIOS):
+                    ticks[row, i, 19 + a] = b.ratios[i, a]
             tick_count[0] += 1
         if odd or every:
             b.clock[C_STOPPED] = 1.0

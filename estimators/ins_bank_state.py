@@ -22,7 +22,16 @@ from estimators.imu_difference import EDGES, PAIR_ROWS
 from estimators.ins_bank_model import COLUMNS, MAX_WINDOWS, N_ACC, N
 from estimators.ins_bank_turns import TURNS
 
-__all__ = ["EVENT_WIDTH", "MAX_IMUS", "PENDING", "Bank", "Tuning", "make_bank"]
+__all__ = [
+    "EVENT_WIDTH",
+    "MAX_IMUS",
+    "N_RATIOS",
+    "PENDING",
+    "TICK_WIDTH",
+    "Bank",
+    "Tuning",
+    "make_bank",
+]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,6 +47,10 @@ IMU: acc xyz, gyro xyz [m/s^2, rad/s]. GPS: vel N, E, D (NaN when unknown) [m/s]
 height [m], longitude [rad], velocity std [m/s]. BARO: pressure height [m]. ATTITUDE: quaternion
 ned_from_frd. PHASE: 1 when flying begins, 0 when it ends.
 """
+
+N_RATIOS = 7
+TICK_WIDTH = 19 + N_RATIOS
+"""Columns of an IMU's row of a tick: time, six faults, their variances, the sample, the ratios."""
 
 PENDING = 64
 """Measurements that may wait for an IMU's next sample; an IMU further behind has stopped."""
@@ -66,6 +79,7 @@ class Tuning(NamedTuple):
     interest_size: Array  # (6,) m/s^2, rad/s: and an estimate beyond this
     difference_sigma: float  # an alarm of two IMUs' difference
     single_sigma: float  # an alarm of a lone IMU's window
+    noise_ln: float  # an alarm of an axis' noise over its peers', as a logarithm
     attitude_independent: bool  # the vehicle's attitude does not share the IMU's faults
 
 
@@ -102,6 +116,8 @@ class Bank(NamedTuple):
     heading: Array  # (I, 2) jumps of the attitude's heading, see ins_bank_turns
     turns: Array  # (I, TURNS, 11) attitude increments against the gyro, see ins_bank_turns
     noise: Array  # (I, 8, 6) noise and stuck tests, see imu_difference
+    called: Array  # (I, 6) 1: a fault is called on that axis (the caller says so)
+    ratios: Array  # (I, 7) statistic over threshold of the last tick, see ins_bank_tests
     peaks: Array  # (5,) largest healthy values of what is compared, see ins_bank_interest
     clock: Array  # (17,) see C_* below
 
@@ -166,6 +182,8 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
         heading=np.tile([0.0, -1e9], (n_imus, 1)),
         turns=np.full((n_imus, TURNS, 11), nan),
         noise=np.zeros((n_imus, 8, 6)),
+        called=np.zeros((n_imus, 6)),
+        ratios=np.full((n_imus, N_RATIOS), nan),
         peaks=np.zeros(5),
         clock=clock,
     )

@@ -197,7 +197,8 @@ AIR_TESTS = _ratios(*_AIR_SENSORS)
 
 **One or two pitots** (filter bank): the evidence that the pitot shifted over the margin (with the
 shift itself), that of the long horizon for slow faults, and the checks of single samples: a value
-that stands still (seconds / ``air.constant_s``), one grossly off (log error / limit), a dead pitot
+that stands still (seconds / ``air.constant_s``), one grossly off (log error / ``air.gross_ln`` and
+three deviations of what is expected; the verdict's threshold is the former alone), a dead pitot
 before the wind is known (m/s of wind that it would take / ``air.dead_wind_m_s``), scatter and
 swinging against the other pitots (rms / limit). The evidence of all explanations stands in one
 ratio: several pitots that would have to be blamed together show the same. **Vanes beside them**:

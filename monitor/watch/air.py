@@ -49,6 +49,8 @@ class AirWatch:
             self._choose(rows)
         bank = self._bank.step(rows, until_us)
         vanes = self._vane.step(rows, bank.estimates.get("air"), bank.verdicts)
+        if len(self._vane.tests):
+            bank.estimates |= self._bank.tests_beside(self._vane.tests)
         if chosen_before:
             return StepResult(_in_order(bank.verdicts, vanes), bank.estimates)
         triplex = self._triplex.step(rows, until_us)

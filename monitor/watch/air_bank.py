@@ -21,6 +21,7 @@ from estimators.air_data_3d_stream import (
     EV_PITOT,
     EV_PRESENT,
     N_ESTIMATE,
+    N_ROW,
     N_VALUES,
     AirParams,
     FilterLevels,
@@ -44,6 +45,7 @@ from monitor.settings.air import AirSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult
 from monitor.watch.air_bank_verdicts import verdict
 from monitor.watch.air_horizon import Horizon, stage_levels
+from monitor.watch.air_tests import VaneTests, bank_tests
 
 __all__ = ["AirBankWatch", "params"]
 
@@ -195,12 +197,14 @@ class AirBankWatch:
         self._params = params(settings)
         self._state = new_state(self._params)
         self._horizon = Horizon(settings)
+        self._tested = np.empty((0, N_ROW))
         self._epoch_us: int | None = None
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""
         events = _events(rows)
         n = sum(len(e.t_us) for e in events)
+        self._tested = np.empty((0, N_ROW))
         if n == 0:
             return StepResult()
         t_us = np.concatenate([e.t_us for e in events])
@@ -213,23 +217,37 @@ class AirBankWatch:
             self._epoch_us = int(t_us[0])
         estimates = np.empty((n + 16, N_ESTIMATE))
         log = np.empty((3 * n + 64, N_LOG))
+        tests = np.empty((2 * n + 32, N_ROW))
         events_in_order = (t_us - self._epoch_us) * 1e-6, code[order], index[order], value[order]
-        k = n_estimates = n_log = 0
+        k = n_estimates = n_log = n_tests = 0
         while k < n:
-            k, more, said = run(
+            k, more, said, tested = run(
                 self._state,
                 self._params,
                 k,
                 *events_in_order,
                 estimates[n_estimates:],
                 log[n_log:],
+                tests[n_tests:],
             )
-            n_estimates, n_log = n_estimates + more, n_log + said
-            n_log += self._horizon.decide(self._state, self._params, log[n_log:])
-        return StepResult(
-            [verdict(row, self._epoch_us) for row in log[:n_log]],
-            {"air": _air_rows(estimates[:n_estimates], self._epoch_us)} if n_estimates else {},
-        )
+            n_estimates, n_log, n_tests = n_estimates + more, n_log + said, n_tests + tested
+            said = self._horizon.decide(self._state, self._params, log[n_log:])
+            if said:
+                n_log, n_tests = n_log + said, self._horizon.tell(self._state, tests, n_tests)
+        result = StepResult([verdict(row, self._epoch_us) for row in log[:n_log]])
+        if n_estimates:
+            result.estimates["air"] = _air_rows(estimates[:n_estimates], self._epoch_us)
+        self._tested = tests[:n_tests]
+        if n_tests:
+            result.estimates |= bank_tests(self._tested, self._epoch_us)
+        return result
+
+    def tests_beside(self, vanes: VaneTests) -> dict[str, Rows]:
+        """Tables of tests of the last step, with those of vanes beside the pitots."""
+        if self._epoch_us is None or not len(self._tested):
+            return {}
+        beside = vanes.take(self._tested, self._epoch_us)
+        return bank_tests(self._tested, self._epoch_us, beside)
 
     def peaks(self) -> dict[str, float]:
         """Largest value that each test quantity reached while its pitot was judged and not faulty.

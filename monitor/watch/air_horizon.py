@@ -7,7 +7,8 @@ from estimators.air_data_3d_state import AirParams, AirState
 from estimators.air_horizon import HorizonLevels, new_long_horizon
 from estimators.air_horizon_judge import conclude, take
 from estimators.air_horizon_solve import solve_explanations
-from estimators.air_horizon_stage import G_ACTIVE, G_COUNT, StageLevels
+from estimators.air_horizon_stage import G_ACTIVE, G_COUNT, G_T, StageLevels
+from estimators.air_tests import LONG, put_row
 from monitor.settings.air import AirSettings
 from monitor.watch.air_horizon_peaks import HorizonPeaks
 
@@ -63,6 +64,15 @@ class Horizon:
         self._solve_every = air.horizon.solve_stages
         self.memory = new_long_horizon(max(round(air.horizon.horizon_s / air.horizon.stage_s), 10))
 
+    def tell(self, state: AirState, tests: NDArray[np.float64], n: int) -> int:
+        """Put a verdict's evidence into the rows of tests, at its moment; return their number."""
+        t = float(state.stages.memory[G_T])
+        if n and tests[n - 1, 0] >= t:
+            tests[n - 1, 1:4] = np.fmax(tests[n - 1, 1:4], state.tests[LONG : LONG + 3])
+            return n
+        put_row(state.tests, t, t, tests[n])
+        return n + 1
+
     def decide(self, state: AirState, params: AirParams, log: NDArray[np.float64]) -> int:
         """Decide if it is time; return the rows written to ``log``."""
         stages, z, levels = state.stages, self.memory, self._levels
@@ -73,4 +83,5 @@ class Horizon:
             return 0
         solve_explanations(z, levels, explanations)
         self.reached.note(z, levels, int(stages.memory[G_ACTIVE]))
-        return int(conclude(stages, z, levels, state.bank, state.judge, params.limits, log))
+        judge, limits = state.judge, params.limits
+        return int(conclude(stages, z, levels, state.bank, judge, limits, log, state.tests))

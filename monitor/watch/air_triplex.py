@@ -19,6 +19,7 @@ from estimators.air_triplex_stream import (
     EV_PHASE,
     EV_PITOT,
     N_ESTIMATE,
+    N_TEST,
     N_VALUES,
     StreamLimits,
     TriplexParams,
@@ -29,6 +30,7 @@ from estimators.air_vote_record import LOG_SIZE, STAGE_S, VoteLimits
 from links.samples import Rows
 from monitor.settings.triplex import TriplexSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult
+from monitor.watch.air_tests import vote_tests
 from monitor.watch.air_triplex_words import verdict
 
 __all__ = ["AirTriplexWatch", "params"]
@@ -184,7 +186,8 @@ class AirTriplexWatch:
         self._last_us = int(t[-1])
         estimates = np.empty((stages, N_ESTIMATE))
         log = np.empty((6 * min(stages, 4096) + 12, LOG_SIZE))
-        n_estimates, n_log = run(
+        tests = np.empty((stages, N_TEST))
+        n_estimates, n_log, n_tests = run(
             self._state,
             self._params,
             (t - self._epoch_us) * 1e-6,
@@ -193,10 +196,12 @@ class AirTriplexWatch:
             np.concatenate(value)[order],
             estimates,
             log,
+            tests,
         )
         result = StepResult([verdict(row, self._epoch_us) for row in log[:n_log]])
         if n_estimates:
             result.estimates["air"] = _air_rows(estimates[:n_estimates], self._epoch_us)
+        result.estimates |= vote_tests(tests[:n_tests], self._epoch_us)
         return result
 
 

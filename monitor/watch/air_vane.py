@@ -14,6 +14,7 @@ from links.samples import Rows
 from links.vocabulary import Kind, Reason, State
 from monitor.settings.vane import VaneSettings
 from monitor.verdict import PHASE_ROW, Verdict
+from monitor.watch.air_tests import VaneTests
 
 __all__ = ["AirVaneWatch", "limits"]
 
@@ -70,9 +71,16 @@ def limits(s: VaneSettings) -> VaneLimits:
 
 
 class AirVaneWatch:
-    """Judges up to three vanes, each alone, by the bank's angle of attack."""
+    """Judges up to three vanes, each alone, by the bank's angle of attack.
+
+    Attributes
+    ----------
+    tests
+        How near they came to a verdict, for the bank's next rows of tests.
+    """
 
     def __init__(self, settings: VaneSettings) -> None:
+        self.tests = VaneTests()
         self._limits = limits(settings)
         self._state = new_vanes()
         self._epoch_us: int | None = None
@@ -111,7 +119,8 @@ class AirVaneWatch:
         events = np.concatenate(parts)
         events = events[np.argsort(events["order_us"], kind="stable")]
         log = np.empty((3 * len(events) + 8, vane.N_LOG))
-        n = run(
+        tests = np.empty((len(events), vane.N_TEST))
+        n, n_tests = run(
             self._state,
             self._limits,
             (events["t_us"] - self._epoch_us) * 1e-6,
@@ -119,7 +128,10 @@ class AirVaneWatch:
             np.ascontiguousarray(events["index"]),
             np.ascontiguousarray(events["value"]),
             log,
+            tests,
         )
+        if n_tests:
+            self.tests.add(tests[:n_tests], self._epoch_us)
         return [self._verdict(row, self._epoch_us) for row in log[:n]]
 
     def _verdict(self, row: NDArray[np.float64], epoch_us: int) -> Verdict:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from estimators import engine_state as es
 from estimators import engine_ticks as et
-from estimators.engine_judge import judge
+from estimators.engine_judge import N_ENGINES, judge
 from links.samples import Rows
 from monitor.settings.engine import EngineSettings
-from monitor.verdict import ENGINE_ESTIMATE, StepResult
+from monitor.verdict import ENGINE_ESTIMATE, ENGINE_TESTS, StepResult
 from monitor.watch.engine_parts import Grid, Unit, groups, judge_rules, units
 from monitor.watch.engine_words import verdict
 
@@ -22,6 +22,11 @@ Array = NDArray[np.float64]
 
 STEPS_AT_ONCE = 512
 """Steps that are judged by one call: the room for what is said of them is made once."""
+
+
+TESTS_S = 0.2
+"""Time between two rows of tests."""
+N_RATIOS = et.N_CHANNELS + N_ENGINES
 
 
 class EngineWatch:
@@ -45,6 +50,8 @@ class EngineWatch:
         self._every = max(round(settings.emit_s / settings.tick_s), 1)
         self._log = np.empty((STEPS_AT_ONCE * es.MOST_SAID, es.N_LOG))
         self._closed = 0
+        self._tests_every = max(round(TESTS_S / settings.tick_s), 1)
+        self._untold = np.empty((0, N_RATIOS))
 
     def peaks(self) -> dict[str, float]:
         """No key of it is learnt from peaks: its model is (``learn engine``)."""
@@ -62,8 +69,8 @@ class EngineWatch:
         speed, std = np.full((2, steps, et.N_SHAFTS), np.nan)
         for unit in self._units:
             self._estimate(unit, table, y, (w, least, most, mu, sd), (speed, std))
-        halted = np.empty((steps, et.N_SHAFTS))
-        result = StepResult()
+        halted, ratios = np.empty((steps, et.N_SHAFTS)), np.empty((steps, N_RATIOS))
+        result, said_s = StepResult(), [np.empty(0)]
         for first in range(0, steps, STEPS_AT_ONCE):
             part = slice(first, first + STEPS_AT_ONCE)
             said = judge(
@@ -78,10 +85,15 @@ class EngineWatch:
                 mu[part],
                 sd[part],
                 halted[part],
+                ratios[part],
                 self._log,
             )
+            said_s.append(self._log[:said, es.L_T].copy())
             result.verdicts += [verdict(row, epoch_us) for row in self._log[:said]]
         chosen = slice(-self._closed % self._every, None, self._every)
+        tests = self._tests(table[:, et.X_T], ratios, np.concatenate(said_s))
+        if len(tests):
+            result.estimates["engine_tests"] = tests
         self._closed += steps
         if self._units and len(table[chosen]):
             # of an engine that stands or windmills its channels are believed, not its model
@@ -90,6 +102,25 @@ class EngineWatch:
                 table[chosen], speed[chosen], std[chosen], epoch_us
             )
         return result
+
+    def _tests(self, t_s: Array, ratios: Array, said_s: Array) -> Rows:
+        """Largest ratios up to every second step or so, and up to one that said something."""
+        due = (self._closed + np.arange(1, len(t_s) + 1)) % self._tests_every == 0
+        ends = np.flatnonzero(due | np.isin(t_s, said_s))
+        before = len(self._untold)
+        ratios = np.concatenate((self._untold, ratios))
+        last = before + int(ends[-1]) + 1 if len(ends) else 0
+        self._untold = ratios[last:]
+        if not len(ends):
+            return np.zeros(0, ENGINE_TESTS)
+        starts = np.concatenate(([0], before + ends[:-1] + 1))
+        largest = np.fmax.reduceat(ratios[:last], starts, axis=0)
+        some = np.isfinite(largest).any(axis=1)
+        out = np.zeros(int(some.sum()), ENGINE_TESTS)
+        out["t_us"] = self._grid.epoch_us + np.rint(t_s[ends[some]] * 1e6).astype(np.int64)
+        for name, column in zip((ENGINE_TESTS.names or ())[1:], largest[some].T, strict=True):
+            out[name] = column
+        return out
 
     def _estimate(
         self,

@@ -6,6 +6,7 @@ stops at a tick that deserves a decision, :class:`monitor.watch.imu_judge.Judge`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -16,7 +17,7 @@ from estimators.atmosphere import altitude_from_pressure
 from estimators.ins_bank_events import merge, within
 from links.samples import Rows, quantity_of
 from monitor.settings.imu import ImuSettings
-from monitor.verdict import IMU_ESTIMATE, StepResult
+from monitor.verdict import IMU_ESTIMATE, IMU_TESTS, StepResult
 from monitor.watch.imu_judge import Judge
 
 __all__ = ["ImuWatch", "tuning_of"]
@@ -28,6 +29,9 @@ INTEREST_SIGMA = 4.5
 REPEATED_US = 5_000_000
 """A fix no newer than the newest is one sent again; this far behind, the receiver's clock was set
 [us]."""
+
+_RATIOS = slice(19, bank.TICK_WIDTH)
+"""Columns of a tick's row that are statistics over thresholds."""
 
 _LIMIT_ACC_M_S2 = 500.0
 _LIMIT_GYRO_RAD_S = 60.0
@@ -74,6 +78,7 @@ def tuning_of(s: ImuSettings) -> bank.Tuning:
         interest_size=0.5 * six(s.acc_size_m_s2, s.gyro_size_rad_s),
         difference_sigma=s.difference_sigma,
         single_sigma=s.single_sigma,
+        noise_ln=math.log(s.noise_ratio),
         attitude_independent=s.attitude_independent,
     )
 
@@ -100,7 +105,7 @@ class ImuWatch:
             return result
         t_s, kind, values = events
         room = min(int((t_s[-1] - t_s[0]) / TICK_S) + 3, len(t_s))  # a row closes one at most
-        ticks = np.zeros((room, bank.MAX_IMUS, 19))
+        ticks = np.zeros((room, bank.MAX_IMUS, bank.TICK_WIDTH))
         used = np.zeros(1, dtype=np.int64)
         at = 0
         while at < len(t_s):
@@ -110,6 +115,7 @@ class ImuWatch:
             if self._bank.clock[bank.C_STOPPED] == 1.0:
                 self._bank.clock[bank.C_STOPPED] = 0.0
                 result.verdicts += self._judge.decide()
+                ticks[used[0] - 1, :, _RATIOS] = self._bank.ratios
                 bank.roll(self._bank, self._tuning)
         self._estimate(ticks[: int(used[0])], result)
         return result
@@ -207,6 +213,9 @@ class ImuWatch:
         for i in range(bank.MAX_IMUS):
             if f"imu{i}" not in self._alive:
                 continue
+            tested = ticks[np.isfinite(ticks[:, i, _RATIOS]).any(axis=1), i]
+            if len(tested):
+                result.estimates[f"imu{i}_tests"] = _tests(tested)
             own = ticks[np.isfinite(ticks[:, i, 1])][:, i]
             if len(own) == 0:
                 continue
@@ -218,6 +227,15 @@ class ImuWatch:
             out["acc_m_s2"] = own[:, 13:16] - own[:, 1:4]
             out["gyro_rad_s"] = own[:, 16:19] - own[:, 4:7]
             result.estimates[f"imu{i}"] = out
+
+
+def _tests(ticks: NDArray[np.float64]) -> Rows:
+    """Ratios as rows."""
+    out = np.zeros(len(ticks), dtype=IMU_TESTS)
+    out["t_us"] = np.round(ticks[:, 0] * 1e6).astype(np.int64)
+    for name, ratio in zip((IMU_TESTS.names or ())[1:], ticks[:, _RATIOS].T, strict=True):
+        out[name] = ratio
+    return out
 
 
 def _wide(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,6 +17,9 @@ from monitor.watch.imu_record import Array, Record
 __all__ = ["BareTests"]
 
 ESTIMATOR = "estimators.imu_difference"
+CALM = 0.5
+"""Share of the limit, as a logarithm, below which an axis' noise is its usual one."""
+_RETURNS = (Kind.DROPOUT, Kind.STUCK)
 SIXTH = 1.0 / 6.0
 """Mean square second difference of white noise is six times its variance."""
 
@@ -41,6 +44,8 @@ class BareTests:
             still = noise[i, difference.N_SAME].max() >= difference.REST_SAMPLES
             for k, axis in enumerate(r.units[i].axes):
                 rest = difference.improbable_rest(noise, i, k, r.now_s) if still else 0.0
+                if axis.faulty and axis.test in _RETURNS:
+                    r.hold(i, k, zero_s / difference.ZERO_S if axis.test == Kind.DROPOUT else rest)
                 if zero_s > difference.ZERO_S:
                     yield from self._dead(i, k, Kind.DROPOUT, zero_s, zero_s)
                 elif rest > 1.0:
@@ -49,7 +54,7 @@ class BareTests:
                 elif axis.test in (Kind.DROPOUT, Kind.STUCK):
                     if axis.latch.step(r.t_us, False, True) is LatchState.OK:
                         r.release(i, k)
-                elif rises[k] > 0.5 * limit or axis.test == Kind.NOISE:
+                elif rises[k] > CALM * limit or axis.test == Kind.NOISE:
                     yield from self._noise(i, k, peers, limit)
 
     def _noise(self, i: int, k: int, peers: Array, limit: float) -> Iterator[Verdict]:
@@ -59,10 +64,12 @@ class BareTests:
         if axis.faulty and axis.test != Kind.NOISE:
             return
         excess = difference.noise_excess(r.bank.noise, i, k, peers)
+        if axis.faulty:
+            r.hold(i, k, max(excess, 0.0) / (CALM * limit))
         others = [j for j in range(len(r.units)) if j != i and peers[j] > 0.0]
         before = axis.faulty
         axis.test = Kind.NOISE
-        state = axis.latch.step(r.t_us, excess > limit, excess < 0.5 * limit)
+        state = axis.latch.step(r.t_us, excess > limit, excess < CALM * limit)
         if state is LatchState.OK:
             axis.test = ""
         elif axis.faulty and not before:

@@ -15,6 +15,7 @@ from estimators import ins_bank as bank
 from estimators.detection import LatchState
 from estimators.imu_evidence import log_likelihood, single_axis
 from estimators.ins_bank_model import ATT, F_ACC, INS
+from estimators.ins_bank_tests import short_of
 from links.vocabulary import Kind
 from monitor.verdict import Verdict
 from monitor.watch import imu_words as words
@@ -101,11 +102,18 @@ class LoneTest:
         called = [a.faulty for a in unit.axes]
         if any(called):
             limit *= np.where(called, SAME_FAULT, SECOND_FAULT)
-        mode, found = INS, self._loudest(2 * imu + INS, limit)
+        held, sharp = np.zeros(6), np.zeros(6)
+        mode, found = INS, self._loudest(2 * imu + INS, limit, held)
         if r.settings.attitude_independent or found is None:
-            sharper = self._loudest(2 * imu + ATT, limit)
+            sharper = self._loudest(2 * imu + ATT, limit, sharp)
             if sharper is not None and self._usable(imu, sharper):
                 mode, found = ATT, sharper
+                held[found.axis] = max(held[found.axis], sharp[found.axis])
+        if r.settings.attitude_independent:
+            held = np.maximum(held, sharp)
+        for k, axis in enumerate(unit.axes):
+            if not axis.faulty:
+                r.hold(imu, k, float(held[k]))
         if found is None:
             unit.loud_s = math.nan
         elif math.isnan(unit.loud_s):
@@ -137,7 +145,10 @@ class LoneTest:
             axis = r.units[imu].axes[k]
             swings = bank.swings(r.bank, r.tuning, imu, k)
             z2, f2 = (float(v) for v in r.bank.swing[2 * imu + ATT, :, k])
+            if r.settings.attitude_independent and not axis.faulty:
+                r.hold(imu, k, short_of(z2 / bank.SWING_Z2, math.sqrt(2.0 * f2) / r.size[k]))
             if axis.test == SWING and axis.faulty:
+                r.hold(imu, k, z2 / SWING_QUIET)
                 if axis.latch.step(r.t_us, swings, z2 < SWING_QUIET) is LatchState.OK:
                     r.release(imu, k)
             elif swings and not axis.faulty:
@@ -180,11 +191,11 @@ class LoneTest:
         odds = log_likelihood(b.L[c, w], b.Y[c, w], f, float(b.start_nis[c, w]))
         return odds > r.settings.arbitration_nats
 
-    def _loudest(self, c: int, limit: Array) -> Found | None:
+    def _loudest(self, c: int, limit: Array, held: Array | None = None) -> Found | None:
         """The loudest single-axis fault of a filter, over all windows: all possible onsets.
 
         Where an axis explains the innovations best by something too small to be a fault, no other
-        axis is blamed for it.
+        axis is blamed for it. ``held`` (6,) receives how near each axis is to its limit and size.
         """
         r = self._record
         b = r.bank
@@ -195,6 +206,8 @@ class LoneTest:
         z[r.now_s - b.start_s[c, :-1] < bank.JUDGED_AGE_S] = 0.0
         score = np.abs(z) / limit
         loud = np.where(np.abs(f) > size, score, 0.0)
+        if held is not None:
+            held[:] = np.where(loud > 0.0, score, np.minimum(score, np.abs(f) / size)).max(axis=0)
         k, rival = (int(i) for i in np.argsort(-loud.max(axis=0))[:2])
         w = int(loud[:, k].argmax())
         v, best = np.unravel_index(int(score.argmax()), score.shape)
@@ -243,6 +256,7 @@ class LoneTest:
             c = 2 * imu + (ATT if r.settings.attitude_independent else INS)
             left = abs(float(r.bank.x[c, F_ACC + k]) - axis.base)
             std = math.sqrt(float(r.bank.P[c, F_ACC + k, F_ACC + k]))
+            r.hold(imu, k, (left + std) / (RELEASE * r.size[k]))
             state = axis.latch.step(r.t_us, left > r.size[k], left + std < RELEASE * r.size[k])
             if state is LatchState.OK:
                 r.release(imu, k)

@@ -11,6 +11,7 @@ from estimators import ins_bank as bank
 from estimators.detection import LatchState
 from estimators.imu_evidence import log_likelihood
 from estimators.ins_bank_model import ATT, F_ACC, INS
+from estimators.ins_bank_tests import short_of
 from links.vocabulary import Kind
 from monitor.verdict import Verdict
 from monitor.watch import imu_words as words
@@ -173,6 +174,9 @@ class PairTests:
         limit = r.settings.arbitration_nats
         if _GYRO_Z in left and not r.settings.attitude_independent:
             limit *= HEADING_DOUBT
+        large = float((np.abs(d[left]) / r.size[left]).min())
+        if odds != 0.0:
+            r.settle(i, j, math.copysign(short_of(abs(odds) / limit, large), odds))
         if abs(odds) > limit and bool((np.abs(d[left]) > r.size[left]).all()):
             guilty, other = (i, j) if odds > 0 else (j, i)
             f = d if guilty == i else -d
@@ -314,6 +318,7 @@ class PairTests:
         allowed = np.minimum(AGREE_SIGMA * std, (np.inf, *(AGREE_SHARE * axis.called,) * 2))
         share = np.abs((newest, *means)) / np.maximum(allowed, RELEASE * r.size[k])
         worst = float(share.max())
+        r.hold(owner, k, worst)
         state = axis.latch.step(r.t_us, worst * RELEASE > 1.0, worst < 1.0)
         if state is LatchState.OK:
             r.release(owner, k)

@@ -32,6 +32,8 @@ BRIEF_S = 1.0
 the time: no fix of the receiver takes part in it, and a median has waited already."""
 REFERENCE_GAP_S = 1.5
 """A reference older than this is missing: GPS at 1 Hz is the slowest in use."""
+SETTLEMENT = 6
+"""Column of the ratios that is of the IMU rather than of an axis."""
 TRACK_STD = np.array([0.1, 0.1, 0.1, 0.003, 0.003, 0.003])
 """How exactly another IMU says what a faulty one measures [m/s^2, rad/s]."""
 RAISED_DENSITY = np.array([0.03, 0.03, 0.03, 0.001, 0.001, 0.001])
@@ -184,6 +186,22 @@ class Record:
         bank.accept(self.bank, c, w, chosen, prior, prior_std, self.now_s)
         for k in axes:
             self.bank.qf[c, k] = RAISED_DENSITY[k] ** 2
+
+    def hold(self, imu: int, k: int, ratio: float) -> None:
+        """Let a statistic over its threshold count, if it is the largest of its axis this tick."""
+        ratios = self.bank.ratios
+        if not ratios[imu, k] >= ratio:
+            ratios[imu, k] = ratio
+
+    def settle(self, i: int, j: int, ratio: float) -> None:
+        """Odds that a dispute is the fault of i over those that decide; of j they are opposite."""
+        self.bank.ratios[i, SETTLEMENT], self.bank.ratios[j, SETTLEMENT] = ratio, -ratio
+
+    def mark_called(self) -> None:
+        """Tell the filters which axes are called faulty."""
+        for unit, called in zip(self.units, self.bank.called, strict=True):
+            if unit.seen:
+                called[:] = [axis.faulty for axis in unit.axes]
 
     def release(self, imu: int, k: int) -> None:
         """An axis was re-admitted: its slow bias walks slowly again, baselines learn again."""

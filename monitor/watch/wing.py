@@ -12,7 +12,7 @@ from estimators.wing_stream import WingRun, WingStream, WingTuning
 from links.samples import Rows
 from links.vocabulary import Reason
 from monitor.settings.wing import WingSettings, airframe_of
-from monitor.verdict import WING_ESTIMATE, StepResult, Verdict
+from monitor.verdict import WING_ESTIMATE, WING_TESTS, StepResult, Verdict
 from monitor.watch.wing_inputs import NEEDED, Ticks, WingInputs
 from monitor.watch.wing_judge import WingJudge
 
@@ -117,6 +117,9 @@ class WingWatch:
             else:
                 verdicts += self._cannot(now, float(ticks.t_s[b - 1]), epoch_us)
         estimates = {"wing": _rows(runs, epoch_us)} if any(len(r.t_s) for r in runs) else {}
+        tests = _tests(self._judge.tests(), epoch_us)
+        if len(tests):
+            estimates["wing_tests"] = tests
         return StepResult(verdicts, estimates)
 
     def _statuses(self, ticks: Ticks, epoch_us: int) -> NDArray[np.int64]:
@@ -154,6 +157,17 @@ class WingWatch:
             return self._judge.cannot(t_us, Reason.MANOEUVRE, "too slow for the wings' model")
         why = f"missing: {NEEDED[status]}"
         return self._judge.cannot(t_us, Reason.REFERENCE_MISSING, why)
+
+
+def _tests(rows: list[tuple[float, ...]], epoch_us: int) -> Rows:
+    """Rows of :meth:`WingJudge.tests` where any fault was tested."""
+    told = np.array(rows).reshape(-1, len(WING_TESTS))
+    told = told[np.isfinite(told[:, 1:]).any(axis=1)]
+    out = np.zeros(len(told), WING_TESTS)
+    out["t_us"] = epoch_us + np.rint(told[:, 0] * 1e6).astype(np.int64)
+    for name, column in zip((WING_TESTS.names or ())[1:], told[:, 1:].T, strict=True):
+        out[name] = column
+    return out
 
 
 def _rows(runs: list[WingRun], epoch_us: int) -> Rows:

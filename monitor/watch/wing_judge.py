@@ -72,11 +72,13 @@ class WingJudge:
         self._peaks = {"wing.lift_percent": nan, "wing.drag_percent": nan}
         self._said: list[State | None] = [None] * 4
         self._reason: Reason | None = None
+        self._tests: list[tuple[float, ...]] = []
         self.renew()
 
     def renew(self) -> None:
         """A new flight: nothing is held against a wing."""
         self._begun = False
+        self._near = [nan] * 4
         self._misfit = Misfit(self._misfit_limit, *self._misfit_rows)
         self._damaged = [False] * 4
         self._found: list[tuple[float, Kind] | None] = [None] * 4
@@ -92,6 +94,11 @@ class WingJudge:
     def peaks(self) -> dict[str, float]:
         """Largest differences of wings that were judged and not damaged [%]."""
         return {key: value for key, value in self._peaks.items() if isfinite(value)}
+
+    def tests(self) -> list[tuple[float, ...]]:
+        """Rows since the last call: time [s], and of each fault its excess over the threshold."""
+        told, self._tests = self._tests, []
+        return told
 
     def cannot(self, t_us: int, reason: Reason, why: str = "") -> list[Verdict]:
         """The wings cannot be judged from here on."""
@@ -123,9 +130,11 @@ class WingJudge:
                 out += self.cannot(t_us, Reason.LEARNING)
                 continue
             self._reason = None
+            self._near = [nan] * 4
             for i in range(4):
                 known = (std[i % 2], lasting[i % 2])
                 out += self._one(i, t_s, f[i] - f[OTHER[i]], known, epoch_us)
+            self._tests.append((t_s, *self._near))
         return out
 
     def _one(
@@ -142,6 +151,8 @@ class WingJudge:
         if not isfinite(std):
             return self._untold(i, epoch_us + round(t_s * 1e6))
         self._past[i].append((t_s, apart))
+        held = self._clear_share * self._limit[i] if self._damaged[i] else limit
+        self._near[i] = max(apart / held, 0.0)
         if self._damaged[i]:
             self._clear(i, t_s, apart)
         else:

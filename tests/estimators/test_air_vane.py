@@ -81,7 +81,8 @@ def judged(events, cuts=()):
     state, out = new_vanes(), []
     for part in np.split(np.arange(len(events[0])), cuts):
         log = np.empty((3 * len(part) + 8, vane.N_LOG))
-        n = run(state, LIMITS, *(e[part] for e in events), log)
+        tests = np.empty((len(part), vane.N_TEST))
+        n, _ = run(state, LIMITS, *(e[part] for e in events), log, tests)
         out += [(g[vane.G_STATUS], g[vane.G_T], g[vane.G_CAUSE]) for g in log[:n]]
     return out
 

@@ -120,7 +120,7 @@ def fly(events: Events, cuts: list[int] | None = None, n_imus: int = 1) -> tuple
     """Run a bank over events, in pieces cut at the given event numbers."""
     b = bank.make_bank(n_imus, TUNING)
     t_s, kind, values = events
-    ticks, used = np.zeros((2000, n_imus, 19)), np.zeros(1, dtype=np.int64)
+    ticks, used = np.zeros((2000, n_imus, bank.TICK_WIDTH)), np.zeros(1, dtype=np.int64)
     edges = [0, *sorted(cuts or []), len(t_s)]
     for lo, hi in pairwise(edges):
         at = 0
@@ -191,7 +191,7 @@ def test_a_course_explains_an_oscillation_that_a_step_does_not() -> None:
     course = np.where(t_s > 58.0, 1.5 * np.sin(0.5 * np.pi * (t_s - 58.0)), 0.0)
     values = values.copy()
     values[kind == 0, 0] += course[kind == 0]
-    ticks, used = np.zeros((2000, 1, 19)), np.zeros(1, dtype=np.int64)
+    ticks, used = np.zeros((2000, 1, bank.TICK_WIDTH)), np.zeros(1, dtype=np.int64)
     at, driven = 0, 0.0
     while at < len(t_s):
         at = bank.run(b, TUNING, t_s, kind, values, at, ticks, used, True)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from links.vocabulary import Kind, Reason, State
+from monitor.recording import Estimates
 from monitor.settings.air import AirSettings
 from monitor.settings.horizon import HorizonSettings
 from monitor.verdict import Verdict
@@ -280,15 +281,17 @@ def test_any_split_gives_the_same_verdicts_and_estimates(cuts: list[int]) -> Non
     whole = AirBankWatch(AirSettings()).step(FAULTY_FLIGHT, 1 << 60)
     watch = AirBankWatch(AirSettings())
     verdicts: list[Verdict] = []
-    estimates = []
+    estimates = Estimates()
     edges = [-1, *sorted(cuts), 1 << 60]
     for low, high in itertools.pairwise(edges):
         part = {s: r[(r["t_us"] >= low) & (r["t_us"] < high)] for s, r in FAULTY_FLIGHT.items()}
         step = watch.step(part, high)
         verdicts += step.verdicts
-        estimates += [step.estimates["air"]] if "air" in step.estimates else []
+        estimates.add(step.estimates)
     assert repr(verdicts) == repr(whole.verdicts)
-    assert np.concatenate(estimates).tobytes() == whole.estimates["air"].tobytes()
+    assert {"air", "air_tests", "air_expected"} == set(whole.estimates)
+    for name, rows in estimates.joined().items():
+        assert rows.tobytes() == whole.estimates[name].tobytes()
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from links.vocabulary import Kind, State
+from monitor.recording import Estimates
 from monitor.settings.air import AirSettings
 from monitor.verdict import Verdict
 from monitor.watch.air_bank import AirBankWatch
@@ -157,11 +158,13 @@ def test_any_split_gives_the_same_verdicts_and_estimates(cuts: list[int]) -> Non
     assert any(v.estimator == "air_horizon" for v in whole.verdicts)
     watch = AirBankWatch(AirSettings())
     verdicts: list[Verdict] = []
-    estimates = []
+    estimates = Estimates()
     for low, high in itertools.pairwise([-1, *sorted(cuts), 1 << 60]):
         part = {s: r[(r["t_us"] >= low) & (r["t_us"] < high)] for s, r in DRIFTING_FLIGHT.items()}
         step = watch.step(part, high)
         verdicts += step.verdicts
-        estimates += [step.estimates["air"]] if "air" in step.estimates else []
+        estimates.add(step.estimates)
     assert repr(verdicts) == repr(whole.verdicts)
-    assert np.concatenate(estimates).tobytes() == whole.estimates["air"].tobytes()
+    assert {"air", "air_tests", "air_expected"} == set(whole.estimates)
+    for name, rows in estimates.joined().items():
+        assert rows.tobytes() == whole.estimates[name].tobytes()

@@ -14,7 +14,7 @@ from monitor.learn.engine import EngineFlight, EngineLearnt, flight_of, learn_en
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.settings.engine import EngineSettings
-from monitor.verdict import PHASE_ROW, Verdict
+from monitor.verdict import PHASE_ROW, StepResult, Verdict
 from monitor.watch.engine import EngineWatch
 
 from .engine_flights import BOOT_S, aerosonde, batch_of
@@ -43,10 +43,14 @@ def settings(channels: int) -> EngineSettings:
     )
 
 
-def judged(batch: Batch, engine: EngineSettings, cuts: int = 0) -> tuple[list[Verdict], np.ndarray]:
+def steps_of(batch: Batch, engine: EngineSettings, cuts: int = 0) -> list[StepResult]:
     pipeline = Pipeline(Settings(engine=engine), watches=[EngineWatch(engine)])
     seqs = [int(s) for s in batch.rows["servo"]["seq"][2::cuts]] if cuts else []
-    steps = [pipeline.feed(part) for part in batch.split(seqs)] + [pipeline.finish()]
+    return [pipeline.feed(part) for part in batch.split(seqs)] + [pipeline.finish()]
+
+
+def judged(batch: Batch, engine: EngineSettings, cuts: int = 0) -> tuple[list[Verdict], np.ndarray]:
+    steps = steps_of(batch, engine, cuts)
     rows = [s.estimates["engine"] for s in steps if "engine" in s.estimates]
     return [v for s in steps for v in s.verdicts], np.concatenate(rows) if rows else np.zeros(0)
 
@@ -189,6 +193,20 @@ def test_however_the_stream_is_cut_the_words_and_estimates_are_the_same(cuts: in
     assert repr(cut) == repr(whole)
     for name in estimates.dtype.names:
         np.testing.assert_array_equal(pieces[name], estimates[name])
+
+
+def test_a_fault_shows_in_its_ratio_however_the_stream_is_cut() -> None:
+    batch = broken(batch_of(aerosonde(5), 2), "spool0", intermittent)
+    steps = steps_of(batch, settings(2))
+    [found] = [v for s in steps for v in s.verdicts if v.state is State.FAULTY]
+    rows = np.concatenate([s.estimates["engine_tests"] for s in steps if s.estimates])
+    cut = [s.estimates["engine_tests"] for s in steps_of(batch, settings(2), 37) if s.estimates]
+    assert np.concatenate(cut).tobytes() == rows.tobytes()
+    at, before = rows["t_us"] == found.t_us, rows["t_us"] < (BROKEN_S + BOOT_S) * 1e6
+    assert rows["spool0_ratio"][at].tolist() == [found.statistic / found.threshold]
+    assert np.nanmax(rows["spool0_ratio"][before]) < 1.0 < rows["spool0_ratio"][at][0]
+    assert np.nanmax(rows["spool1_ratio"]) < 1.0
+    assert len(rows) < 5.1 * (rows["t_us"][-1] - rows["t_us"][0]) * 1e-6 + 4
 
 
 PROCESS_STD = 0.002

@@ -109,8 +109,24 @@ def test_where_the_stream_is_cut_changes_nothing(seed: int) -> None:
         parts.append(watch.step({**piece.rows, **extra}, until_us))
     whole = run({**given, "phase": phase})
     assert repr([v for p in parts for v in p.verdicts]) == repr(whole.verdicts)
-    joined = np.concatenate([p.estimates["wing"] for p in parts if "wing" in p.estimates])
-    assert np.array_equal(joined, whole.estimates["wing"])
+    for name in ("wing", "wing_tests"):
+        joined = np.concatenate([p.estimates[name] for p in parts if name in p.estimates])
+        assert joined.tobytes() == whole.estimates[name].tobytes()
+
+
+@pytest.mark.parametrize("case", ["healthy", "left-lift"])
+def test_the_ratio_tells_how_near_a_verdict_is(case: str) -> None:
+    result = run(rows(case))
+    tests, found = result.estimates["wing_tests"], faults(result)
+    columns = [tests[name] for name in tests.dtype.names[1:]]
+    assert len(tests) > 100
+    if not found:
+        assert max(c.max() for c in columns) < 1.0
+        return
+    at = tests[tests["t_us"] == found[0].t_us]["left_lift_ratio"]
+    assert at.tolist() == [found[0].statistic / found[0].threshold]
+    assert at[0] > 1.0
+    assert max(c.max() for c in (columns[0], columns[1], columns[3])) < 1.0
 
 
 def test_without_an_airframe_it_says_so() -> None:
