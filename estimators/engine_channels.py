@@ -209,13 +209,13 @@ def channel_ratio(j: Judged, r: JudgeRules, k: Groups, i: int, t: float) -> floa
     c = j.c[i]
     share = c[SHARE] / r.wrong_share
     if c[STATUS] == FAULTY:
-        return max(share, 1.0) if math.isnan(c[CLEAN]) else share
+        return float(max(share, 1.0) if math.isnan(c[CLEAN]) else share)
     if k.kind[k.of[i]] == BARE and not tied(c, r):
         return np.nan
     enough = c[WRONGS] / max(r.least_wrong, 1.0)
     share = share if enough >= 1.0 else min(share, enough)
     still = (t - c[SAME]) / r.stuck_s if _stands_still(j, r, k, i, t) else 0.0
-    return max(share, still)
+    return float(max(share, still))
 
 
 @kernel

@@ -179,7 +179,7 @@ def _runs(j: Judged, t: float, engine: int, log: Array, n: int) -> int:
 def _odds_ratio(r: JudgeRules, g: Array) -> float:
     """Odds that an engine stopped over those that decide; no more than what was told of them."""
     odds, told = g[ODDS] / r.decide_margin, g[TOLD] / r.decide_information
-    return odds if told >= 1.0 else min(max(odds, -told), told)
+    return float(odds if told >= 1.0 else min(max(odds, -told), told))
 
 
 @kernel

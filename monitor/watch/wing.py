@@ -161,7 +161,7 @@ class WingWatch:
 
 def _tests(rows: list[tuple[float, ...]], epoch_us: int) -> Rows:
     """Rows of :meth:`WingJudge.tests` where any fault was tested."""
-    told = np.array(rows).reshape(-1, len(WING_TESTS))
+    told = np.array(rows).reshape(-1, len(WING_TESTS.names or ()))
     told = told[np.isfinite(told[:, 1:]).any(axis=1)]
     out = np.zeros(len(told), WING_TESTS)
     out["t_us"] = epoch_us + np.rint(told[:, 0] * 1e6).astype(np.int64)
