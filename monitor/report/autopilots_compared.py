@@ -267,7 +267,7 @@ def _alone(verdicts: Sequence[Judged], faults: Sequence[Mapping[str, Any]]) -> l
         more = f" ({count(len(alone), 'time')} in all)" if len(alone) > 1 else ""
         who = _NAMES[judge]
         lines.append(
-            f"{who[0].upper()}{who[1:]} alone spoke of "
+            f"{who[0].upper()}{who[1:]} also spoke of "
             f"{listed(sorted({v.sensor for v in alone}))}: {first.what} at "
             f"{clock(first.from_s, 1)}{more}. mavsentry found no fault there at that time."
         )

@@ -62,7 +62,7 @@ def test_a_verdict_on_another_instrument_or_time_belongs_to_no_fault() -> None:
     line, alone = sentences(flight)
     assert "ArduPilot's checks and PX4's checks never said it" in line
     assert alone == (
-        "ArduPilot's checks alone spoke of imu0 and imu1: disabled at 1:45.0 (2 times in all). "
+        "ArduPilot's checks also spoke of imu0 and imu1: disabled at 1:45.0 (2 times in all). "
         "mavsentry found no fault there at that time."
     )
 
@@ -99,7 +99,7 @@ def test_a_flight_without_a_fault_in_which_another_cried() -> None:
     flight = summary(baselines={"px4": [said("airspeed0", 50.0)], "lanes_lost_s": 30.2})
     lines = sentences(flight)
     assert lines[0] == "mavsentry found no faulty sensor in this flight."
-    assert lines[1].startswith("PX4's checks alone spoke of airspeed0: disabled at 0:50.0.")
+    assert lines[1].startswith("PX4's checks also spoke of airspeed0: disabled at 0:50.0.")
     assert lines[2].startswith("For 30 s the lanes")
 
 
