@@ -121,6 +121,7 @@ class App {
       this.store.clear(Math.min(8192, Math.ceil(1.2 * LONGEST_S * hello.rate_hz) + 64));
     }
     this.hello = hello;
+    this.last = hello.number;
     this.flying = hello.flying;
     this.link = hello.link;
     this.standing.clear();
@@ -137,6 +138,7 @@ class App {
     this.heard_at = new Date();
     this.arrivals.push(performance.now());
     if (this.arrivals.length > 200) this.arrivals.shift();
+    if (frame.t_s !== null && frame.t_s < this.store.t_s) this._begun_anew(frame.t_s);
     this.store.take(frame);
     this.flying = frame.flying;
     this.link = frame.link;
@@ -144,6 +146,12 @@ class App {
     for (const fault of frame.faults ?? []) this._keep(this.faults, fault);
     for (const event of frame.events ?? []) this._keep(this.events, event);
     this._seldom(frame);
+  }
+
+  /** The vehicle's clock went back: what stands, stands from here on. */
+  _begun_anew(t_s) {
+    this.timeline.clear();
+    for (const [sensor, one] of this.standing) if (one.state !== "absent") this.timeline.take(sensor, [{ ...one, t_s }], t_s);
   }
 
   _keep(map, one) {

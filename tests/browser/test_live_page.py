@@ -76,6 +76,14 @@ def test_a_flight_is_shown_and_only_its_sensors(daemon, visit, screens):
     visited.screen("live-fault")
 
 
+def test_a_clock_that_goes_back_begins_the_window_anew(daemon, visit):
+    daemon.say(*until(50.0), FRAMES[251] | {"t_s": 2.0}, FRAMES[252] | {"t_s": 2.2})
+    page = visit(daemon.address).page
+    waits(page, "app.store.t_s === 2.2")
+    assert page.evaluate("app.store.written") == 2
+    assert page.evaluate("app.timeline.spans.get('aoa0').map(one => one.t_s)") == [2.0]
+
+
 def test_a_sensor_that_comes_later_gets_its_place(daemon, visit):
     first, history = until(20.0)
     late = [{k: v for k, v in frame.items() if k != "imu"} for frame in history["frames"]]
@@ -191,6 +199,9 @@ def test_the_same_run_keeps_what_was_seen(daemon, visit):
     daemon.say(hello(then(-1.0, 80.0)), {"kind": "history", "last": True, "frames": then(50, 80)})
     waits(page, "app.store.t_s === 80")
     assert page.evaluate("app.store.rows(0, 80)") == [0, 401], "a row is missing or there twice"
+    daemon.say(*then(80.0, 81.0))
+    waits(page, "app.store.t_s === 81")
+    assert page.evaluate("app.missed") == 0
 
 
 def test_a_frame_that_never_comes_is_noticed(daemon, visit):
