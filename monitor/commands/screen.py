@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -103,11 +104,27 @@ def _show_lines(
         print(text, flush=True)
 
 
+class _Lines(io.TextIOBase):
+    """A stream whose lines are handed on whole."""
+
+    def __init__(self, take: Callable[[str], None]) -> None:
+        super().__init__()
+        self._take = take
+        self._rest = ""
+
+    def write(self, text: str) -> int:
+        *whole, self._rest = (self._rest + text).split("\n")
+        for line in whole:
+            self._take(line)
+        return len(text)
+
+
 class Screen:
     """All states, the newest changes and the link, redrawn a few times a second.
 
     It is drawn on the terminal's other page, so that a window that changes its size leaves no
-    scraps; at the end the last of it is printed where the command was given.
+    scraps; at the end the last of it is printed where the command was given. What is said on
+    standard error meanwhile would be drawn over: it is kept, and said at the end.
 
     Parameters
     ----------
@@ -123,7 +140,15 @@ class Screen:
         from rich.live import Live
 
         self._console = console
-        self._live = Live(console=console, screen=True, auto_refresh=False)
+        self._live = Live(
+            console=console,
+            screen=True,
+            auto_refresh=False,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._notes: deque[str] = deque(maxlen=CHANGES_KEPT)
+        self._stderr = redirect_stderr(_Lines(self._take_note))
         self._title = title
         self._beside = beside
         self._changes: deque[str] = deque(maxlen=CHANGES_KEPT)
@@ -134,12 +159,21 @@ class Screen:
 
     def __enter__(self) -> Screen:
         self._live.start()
+        self._stderr.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._stderr.__exit__(None, None, None)
         self._live.stop()
         if self._asked is not None:
             self._console.print(Board(self._look(*self._asked), whole=True))
+        for text in self._notes:
+            note(text)
+
+    def _take_note(self, text: str) -> None:
+        """A line for standard error: it stands among the changes, and is said again at the end."""
+        self._changes.append(text)
+        self._notes.append(text)
 
     def show(
         self,

@@ -10,6 +10,7 @@ from rich.console import Console
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
 from monitor.commands import screen as screens
 from monitor.commands.board import Board, Rates, View
+from monitor.commands.common import note
 from monitor.commands.screen import Screen, output
 from monitor.commands.showing import duration, true_value
 from monitor.daemon import Status
@@ -335,6 +336,15 @@ def test_the_last_picture_is_of_the_end(page, monkeypatch):
         clock.now_s = 0.1
         screen.show(StepResult(), {}, lambda: status(130 * S))
     assert "vehicle time 2:10" in page.file.getvalue().rpartition("\x1b[?1049l")[2]
+
+
+def test_notes_are_shown_among_the_changes_and_said_at_the_end(page, capsys):
+    with Screen(page, "udp") as screen:
+        note("mavsentry: cannot record any more")
+        screen.show(StepResult([ACC_FAULT]), {"imu0.acc_x": ACC_FAULT}, status)
+        assert "cannot record any more" in page.file.getvalue()
+        assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == "mavsentry: cannot record any more\n"
 
 
 def test_a_failure_leaves_the_terminal_clean_too(page):
