@@ -301,7 +301,8 @@ class _Pen:
         if verdict.state is State.FAULTY:
             size = size_phrase(verdict)
             kind = "" if verdict.kind is Kind.UNKNOWN or str(verdict.kind) == size else verdict.kind
-            true = true_value(verdict.sensor, self._view.newest, self._t_us)
+            newest = {} if self._view.status.silent else self._view.newest
+            true = true_value(verdict.sensor, newest, self._t_us)
             parts = (size, str(kind), f"true {true}" if true else "")
             return ", ".join(filter(None, parts)), verdict.evidence
         evidence = verdict.evidence if verdict.state in TOLD_ALONE else ""

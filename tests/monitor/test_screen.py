@@ -145,8 +145,11 @@ def test_what_cannot_be_known_is_not_called_well(changed, said):
     assert drawn(view(**changed))[1] == said
 
 
-def test_a_silent_link_outranks_a_fault():
-    assert "LINK SILENT" in drawn(view(ACC_FAULT, status=status(silent=True)))[1]
+def test_a_silent_link_outranks_a_fault_and_knows_no_true_value():
+    lines = drawn(view(ACC_FAULT, status=status(silent=True)))
+    assert "LINK SILENT" in lines[1]
+    assert "✕ FAULTY" in lines[3]
+    assert "true" not in "\n".join(lines)
 
 
 def test_rates_latency_and_further_facts_stand_below():
