@@ -58,9 +58,9 @@ class Listening:
 
     @property
     def url(self) -> str:
-        """Address for a browser on this computer."""
-        unbound = ipaddress.ip_address(self.socket.getsockname()[0]).is_unspecified
-        host = "localhost" if unbound else self.host
+        """Address for a browser: by this computer's name where it listens on all addresses."""
+        bound = ipaddress.ip_address(self.socket.getsockname()[0].partition("%")[0])
+        host = socket.gethostname() if bound.is_unspecified else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/"
 
 

@@ -108,7 +108,7 @@ def received(url, count, timeout_s=READY_S, **headers):
 
     async def listen_to():
         socket = await websocket_connect(HTTPRequest(url, headers=headers))
-        messages = []
+        messages, message = [], b""
         for _ in range(count):
             message = await asyncio.wait_for(socket.read_message(), timeout_s)
             messages.append(message)
@@ -116,6 +116,8 @@ def received(url, count, timeout_s=READY_S, **headers):
                 break
         closed = (socket.close_code, socket.close_reason)
         socket.close()
+        while message is not None:  # until the other side has heard that it is over
+            message = await asyncio.wait_for(socket.read_message(), timeout_s)
         return messages, closed
 
     return asyncio.run(listen_to())

@@ -62,7 +62,7 @@ def test_who_can_reach_it_is_known(address, loopback):
 
 
 def test_the_address_for_a_browser():
-    for address, shown in (("127.0.0.1:0", "127.0.0.1"), ("0.0.0.0:0", "localhost")):
+    for address, shown in (("127.0.0.1:0", "127.0.0.1"), ("0.0.0.0:0", socket.gethostname())):
         listening = listen(address)
         with listening.socket:
             assert listening.url == f"http://{shown}:{listening.port}/"

@@ -1,6 +1,8 @@
 """Metrics as Prometheus' own parser reads them: its conventions, the newest frame's values."""
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
@@ -102,3 +104,11 @@ def test_what_is_not_known_is_left_out():
     assert not read["mavsentry_answer_latency_seconds"].samples
     assert "mavsentry_recorder_bytes" not in read
     assert "mavsentry_vehicle_time_seconds" not in read
+
+
+def test_every_metric_in_the_docs_is_served(read):
+    docs = Path(__file__).parents[3] / "docs" / "live.md"
+    documented = set(re.findall(r"mavsentry_[a-z_]+[a-z]\b(?!\*)", docs.read_text("utf-8")))
+    served = {sample.name for family in read.values() for sample in family.samples}
+    assert len(documented) > 15
+    assert documented <= served
