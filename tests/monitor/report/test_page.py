@@ -136,8 +136,6 @@ def test_links_to_findings_that_share_charts_or_have_none_lead_to_where_they_are
     (charts,) = [t for t in many.texts["script"] if t.startswith("{")]
     led = [href[1:] for href in many.every("href")]
     led += re.findall(r'"#((?:fault|event|sensor)[a-z0-9-]*)"', charts)
-        r'"#((?:fault|event|sensor)[a-z0-9-]*)"', charts
-    )
     assert sum(key.startswith("fault-") for key in led) >= 2 * len(faults)
     assert set(led) <= set(many.every("id"))
     assert len(many.every("id")) == len(set(many.every("id")))
