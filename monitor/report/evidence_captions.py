@@ -91,13 +91,13 @@ def error(scene: Scene, limit: Limit | None) -> str:
         bound = high if size >= 0.0 or not math.isfinite(low) else low
         if math.isfinite(bound):
             said += f" A fault must pass {signed(bound, unit)} ({limit.key})."
+    if scene.case.kind in _UNSIZED:
+        return f"{said} Its size says little here: look at how it moves."
     if scene.subject.family in (Family.ACC, Family.GYRO):
         return (
             f"{said} The filters believe the sensor until it is named and take its error over "
             "then, within some seconds; the small bias that they had learnt before is in it."
         )
-    if scene.case.kind in _UNSIZED:
-        return f"{said} Its size says little here: look at how it moves."
     return f"{said} Look where the band leaves zero, and stays away."
 
 
@@ -157,11 +157,13 @@ def inertial(scene: Scene, mean: Series | None, freed: Series | None) -> str:
     if not math.isfinite(reads):
         return "It gave no samples when it was named."
     said = f"{scene.when} it read {_value(reads, unit)} on average over a second"
+    if scene.case.kind is Kind.NOISE:
+        return f"{said}: a mean hides what scatters, the samples about it show it."
     if not math.isfinite(should):
         return f"{said}; what it should have read was not estimated then."
     return (
-        f"{said}, where {_value(should, unit)} remain once the reconstructed error is taken off. "
-        "Up to the verdict the two are one: the filters still believed the sensor."
+        f"{said}, where {_value(should, unit)} remain once the reconstructed error is taken off."
+        " Up to the verdict the two are one: the filters still believed the sensor."
     )
 
 
