@@ -69,9 +69,13 @@ class Server:
         self._incoming = Incoming(pipe)
         self._shared: Shared | None = None
         self._ended = asyncio.Event()
+        self._fault: Exception | None = None
 
     async def run(self) -> None:
-        """Serve until the daemon's end of the pipe closes."""
+        """Serve until the daemon's end of the pipe closes.
+
+        What fails meanwhile is raised: the daemon then starts a process anew.
+        """
         loop = asyncio.get_running_loop()
         self._pipe.setblocking(False)
         loop.add_reader(self._pipe, self._read)
@@ -83,8 +87,17 @@ class Server:
                 async with asyncio.timeout(FAREWELL_S):
                     while len(self._shared.viewers):
                         await asyncio.sleep(0.01)
+        if self._fault is not None:
+            raise self._fault
 
     def _read(self) -> None:
+        try:
+            self._hear()
+        except Exception as fault:
+            self._fault = fault
+            self._ended.set()
+
+    def _hear(self) -> None:
         alive = self._incoming.receive()
         for kind, body in self._incoming.messages():
             if kind == SETUP:

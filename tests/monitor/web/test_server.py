@@ -10,6 +10,7 @@ import time
 import pytest
 
 from monitor.web.handlers import SAID
+from monitor.web.pipe import FRAME
 
 from .checked import checked
 from .serving import received, serving
@@ -253,6 +254,14 @@ def test_a_process_that_is_killed_is_started_again_and_told_what_stands():
         os.kill(served.process.pid, signal.SIGKILL)
         until(lambda: not served.process.ready(time.monotonic_ns() // 1000))
         assert len(served.said) == 1  # said once
+
+
+def test_a_process_that_fails_ends_so_that_it_is_started_again():
+    with serving() as served:
+        served.until_ready()
+        served.process.send(FRAME, b"no frame")
+        until(lambda: not served.process.ready(time.monotonic_ns() // 1000))
+        assert served.said == ["the live page's process ended with status 1; it is started again"]
 
 
 def until(true, timeout_s=20.0):
