@@ -13,6 +13,7 @@ import pytest
 from links.samples import Batch
 from links.vocabulary import Kind, Reason, State
 from monitor.pipeline import Pipeline
+from monitor.recording import Recording
 from monitor.settings import load as load_settings
 from monitor.verdict import Verdict
 from monitor.watch.air import AirWatch
@@ -32,15 +33,20 @@ def flight(name: str, pitots: int = 1, seed: int = 1) -> Batch:
     return batch_of(case.scenario(seed).fly(seed))
 
 
-def judged(batch: Batch, profile: str = "light-aircraft", cuts: int = 0) -> list[Verdict]:
+def recorded(batch: Batch, profile: str = "light-aircraft", cuts: int = 0) -> Recording:
     settings = load_settings(profile)
     watch = AirWatch(settings.air, settings.triplex, settings.vane)
     pipeline = Pipeline(settings, watches=[watch])
-    verdicts: list[Verdict] = []
+    recording = Recording()
     seqs = [int(s) for s in batch.rows["aoa0"]["seq"][3::cuts]] if cuts else []
     for part in batch.split(seqs):
-        verdicts += pipeline.feed(part).verdicts
-    return verdicts + pipeline.finish().verdicts
+        recording.add(pipeline.feed(part))
+    recording.add(pipeline.finish())
+    return recording
+
+
+def judged(batch: Batch, profile: str = "light-aircraft", cuts: int = 0) -> list[Verdict]:
+    return recorded(batch, profile, cuts).verdicts
 
 
 def broken(batch: Batch, change: Callable, onset_s: float = ONSET_S, end_s: float = 1e9) -> Batch:
@@ -118,9 +124,25 @@ def test_a_vane_that_recovers_is_ok_again_and_the_pitot_never_moved() -> None:
 @pytest.mark.parametrize("cuts", [1, 40])
 def test_the_words_are_the_same_however_the_stream_is_cut(cuts: int) -> None:
     batch = broken(flight("light-aircraft 1+1 12 m/s"), lambda x, t: x + 6.0 * DEG)
-    whole = [v for v in judged(batch) if v.sensor == "aoa0"]
-    cut = [v for v in judged(batch, cuts=cuts) if v.sensor == "aoa0"]
-    assert repr(cut) == repr(whole)
+    whole, cut = recorded(batch), recorded(batch, cuts=cuts)
+    assert repr(cut.verdicts) == repr(whole.verdicts)
+    for name, rows in whole.estimates.items():
+        assert cut.estimates[name].tobytes() == rows.tobytes()
+
+
+def test_a_fault_shows_in_the_ratio_beside_the_pitots() -> None:
+    recording = recorded(broken(flight("light-aircraft 1+1 12 m/s"), lambda x, t: x + 6.0 * DEG))
+    [found] = faults(recording.verdicts)
+    tests, expected = recording.estimates["air_tests"], recording.estimates["air_expected"]
+    at = tests["t_us"] == found.t_us
+    [ratio] = tests["aoa0_ratio"][at]
+    assert np.isclose(ratio, found.statistic / found.threshold)
+    assert ratio > 1.0
+    before = tests["t_us"] < (ONSET_S + BOOT_S) * 1e6
+    assert np.nanmax(tests["aoa0_ratio"][before]) < 1.0
+    assert np.nanmax(tests["airspeed0_ratio"]) < 1.0
+    told = expected["t_us"] > found.t_us
+    assert 0.0 < np.nanmax(expected["aoa0_std_rad"][told]) < 10.0 * DEG
 
 
 def test_without_gps_the_vane_is_not_judged() -> None:

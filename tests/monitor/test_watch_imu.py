@@ -233,7 +233,7 @@ def test_an_instance_that_never_leaves_zero_is_not_judged() -> None:
     rows["imu1"]["gyro_rad_s"] = 0.0
     result = judge(rows)
     assert {v.sensor.partition(".")[0] for v in result.verdicts} == {"imu0"}
-    assert set(result.estimates) == {"imu0"}
+    assert set(result.estimates) == {"imu0", "imu0_tests"}
 
 
 def test_a_noisy_axis_is_called_noise() -> None:
