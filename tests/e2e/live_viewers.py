@@ -459,13 +459,13 @@ def print_out(found: dict[str, Any]) -> None:
     rows += [
         (what, 1e3 * alone[key], 1e3 * watched[key])
         for what, key in (
-            ("daemon: processor time [ms per s]", "cpu_per_s"),
-            ("web process: processor time [ms per s]", "web_cpu_per_s"),
+            ("daemon: processor time (ms per s)", "cpu_per_s"),
+            ("web process: processor time (ms per s)", "web_cpu_per_s"),
         )
     ]
     for what, key in (("daemon", "memory_mb"), ("web process", "web_memory_mb")):
         for third, i in (("first", 0), ("last", 1)):
-            rows.append((f"{what}: memory, {third} third [MB]", alone[key][i], watched[key][i]))
+            rows.append((f"{what}: memory, {third} third (MB)", alone[key][i], watched[key][i]))
     for what, a, b in rows:
         table.add_row(what, f"{a:.4g}", f"{b:.4g}")
     table.add_row("faulty", ", ".join(alone["faults"]), ", ".join(watched["faults"]))
