@@ -372,7 +372,7 @@ def counting(heard: dict[str, Any]) -> Any:
     def count(text: str | bytes) -> None:
         head = text[:80] if isinstance(text, str) else text[:80].decode()
         heard["bytes"] += len(text)
-        found = re.match(r'\{"kind":"frame","number":(\d+)', head)
+        found = re.match(r'\{"kind": ?"frame", ?"number": ?(\d+)', head)
         if found:
             number, newest = int(found[1]), heard["newest"]
             heard["frames"] += 1
