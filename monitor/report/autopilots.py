@@ -74,7 +74,7 @@ def _chart(flight: Flight, axis: Range1d, verdicts: Sequence[Judged]) -> Chart:
     rows = [
         f"{name} {_SHORT[judge]}"
         for name in instruments
-        for judge in (judges if name.startswith(CHECKED) else JUDGES[:1])
+        for judge in _rows_of(name, judges, verdicts)
     ]
     bars = []
     for v in verdicts:
@@ -106,6 +106,13 @@ def _chart(flight: Flight, axis: Range1d, verdicts: Sequence[Judged]) -> Chart:
         f"Timeline of verdicts: {said_of}{' and more' if len(verdicts) > 6 else ''}.",
         more_legend=[LegendEntry(judge, _TONES[judge][0], "shade") for judge in judges],
     )
+
+
+def _rows_of(name: str, judges: Sequence[str], verdicts: Sequence[Judged]) -> Sequence[str]:
+    """Judges that look at an instrument; of the IMUs together only those that spoke of them."""
+    if name == "imu":
+        return [j for j in judges if any(v.sensor == name and v.judge == j for v in verdicts)]
+    return judges if name.startswith(CHECKED) else JUDGES[:1]
 
 
 def _table(verdicts: Sequence[Judged]) -> Table:
