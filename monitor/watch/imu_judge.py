@@ -79,7 +79,8 @@ class Judge:
             reasons = {i: Reason.ON_GROUND for i, u in enumerate(r.units) if u.seen}
         found += self._changes(reasons)
         b.clock[bank.C_JUDGED] = float(self._judged(reasons))
-        r.mark_called()
+        if found:  # an axis is called, or free again, with a word
+            r.mark_called()
         self.busy = self._pairs.busy or self._unsettled()
         return found
 
