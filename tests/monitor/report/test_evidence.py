@@ -250,3 +250,30 @@ def test_the_span_in_which_it_is_faulty_is_shaded_from_the_verdict_on(flight: Fl
     spans = flight.spans["airspeed0"]
     (faulty,) = [span for span in spans if span.state is State.FAULTY]
     assert math.isclose(faulty.from_s, box.left, abs_tol=1e-3)
+
+
+@pytest.mark.parametrize(("most", "scale"), [(5.0, "LinearScale"), (60.0, "LogScale")])
+def test_a_ratio_of_any_size_is_drawn_over_its_threshold(
+    flight: Flight, most: float, scale: str
+) -> None:
+    """It passes 1 half a second after the onset; the table is made up."""
+    from monitor.report.tables import MemoryTables
+    from monitor.verdict import AIR_TESTS
+
+    (case, *_) = cases_of(flight.summary)
+    t_s = np.arange(case.onset_s - 30.0, case.isolated_s + 60.0, 0.2)
+    rows = np.zeros(len(t_s), AIR_TESTS)
+    rows["t_us"] = flight.first_us + np.round(t_s * 1e6)
+    rows["airspeed0_ratio"] = np.clip(
+        0.3 + (t_s - case.onset_s) / 0.7 * (t_s > case.onset_s), 0, most
+    )
+    tested = Flight(
+        flight.summary, flight.settings, flight.verdicts, MemoryTables({"air_tests": rows})
+    )
+    chart = charts(of(tested))["fault-1-test"]
+    (figure,) = chart.models
+    assert type(figure.y_scale).__name__ == scale
+    assert "Before the onset it reached 0.3. It passed 1 0." in chart.caption
+    assert f"reached {most:.3g}." in chart.caption
+    (values,) = drawn(chart)
+    assert values.max() == pytest.approx(most)
