@@ -1,6 +1,7 @@
 """The live page while the demo flies: what a pilot would have seen of it, fault by fault."""
 
 import re
+import socket
 import subprocess
 import time
 
@@ -13,7 +14,7 @@ from .conftest import COMMAND
 pytestmark = pytest.mark.external
 
 SPEED = 6
-READY_S = 150.0
+READY_S = 300.0
 """The daemon may have to compile its kernels first."""
 
 FAULTS = {
@@ -28,8 +29,9 @@ FAULTS = {
 class Flight:
     """A daemon with its page, and a demo that flies into it once a page looks on."""
 
-    def __init__(self, daemon):
+    def __init__(self, daemon, published):
         self.daemon = daemon
+        self._published = published
         self.address = self._said(r"live page on (\S+)")
         self.feed = None
 
@@ -42,7 +44,7 @@ class Flight:
         return found[1] if found.groups() else found[0]
 
     def begin(self):
-        self._said("listening on")
+        self._published.recv(4096)  # its first heartbeat: it works
         to = f"udpout:127.0.0.1:{self.daemon.port}"
         self.feed = subprocess.Popen(
             [*COMMAND, "feed", "demo", "--to", to, "--speed", str(SPEED)],
@@ -58,10 +60,15 @@ class Flight:
 
 @pytest.fixture
 def flight():
-    with DaemonProcess(("--profile", "transport", "--web", "127.0.0.1:0")) as daemon:
-        flown = Flight(daemon)
-        yield flown
-        flown.end()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as published:
+        published.bind(("127.0.0.1", 0))
+        published.settimeout(READY_S)
+        out = f"udpout:127.0.0.1:{published.getsockname()[1]}"
+        options = ("--profile", "transport", "--web", "127.0.0.1:0", "--out", out)
+        with DaemonProcess(options) as daemon:
+            flown = Flight(daemon, published)
+            yield flown
+            flown.end()
 
 
 def wait_until(visited, holds, timeout_s):
