@@ -162,7 +162,7 @@ class Publisher:
             self._sent_t_us[name] = row_t_us
             if name == "air":
                 out += self._air(row)
-            elif name.startswith("imu"):
+            elif name.startswith("imu") and name[3:].isdigit():
                 out += self._imu(int(name[3:]), row)
             elif self._settings.values_named and name == "engine":
                 out += self._engine(row)
