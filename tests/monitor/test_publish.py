@@ -211,6 +211,12 @@ def test_reconstructed_imu_faults_go_out_as_a_float_array():
     assert len(message.fields["data"]) == 58
 
 
+def test_tables_of_test_statistics_are_not_sent():
+    publisher = Publisher(PublishSettings())
+    publisher.note(StepResult(estimates={"imu0_tests": imu_row(), "air_tests": imu_row()}))
+    assert {m.name for _, m in run(publisher, 0.1)} == {"HEARTBEAT"}
+
+
 def test_the_reconstructed_imu_is_off_until_asked_for():
     publisher = Publisher(PublishSettings())
     publisher.note(StepResult(estimates={"imu0": imu_row()}))
