@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monitor.commands.common import console
+from monitor.report.wording import lasting
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -146,7 +147,7 @@ def _damage(log: Mapping[str, Any]) -> list[str]:
         lines.append(f"damaged: {log['bad_bytes']} bytes ({share:.2g} %) belong to no message")
     gaps = log["gaps"]
     if gaps:
-        named = ", ".join(f"{g['seconds']:.0f} s at {g['at_s']:.0f} s" for g in gaps[:NAMED])
+        named = ", ".join(f"{lasting(g['seconds'])} at {round(g['at_s'])} s" for g in gaps[:NAMED])
         more = f" and {len(gaps) - NAMED} more" if len(gaps) > NAMED else ""
         lines.append(f"nothing was recorded for {named}{more}")
     boots = log["boots_s"]

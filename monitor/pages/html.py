@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from monitor.pages.palette import LOOKS, dark_by_light, tokens
+from monitor.pages.units import as_written
 
 if TYPE_CHECKING:
     import jinja2
@@ -56,6 +57,7 @@ def environment(folder: Path) -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
+        finalize=lambda value: as_written(value) if type(value) is str else value,
     )
     made.globals["marks"] = {str(state): look.mark for state, look in LOOKS.items()}
     made.filters |= {"count": lambda count: f"{count:,}", "clock": clock}
@@ -127,18 +129,21 @@ def bokeh_script() -> str:
 
 def data_block(text: str) -> str:
     """JSON that may stand in a ``<script>``: nothing in it ends the element."""
-    return text.replace("<", "\\u003c")
+    return as_written(text).replace("<", "\\u003c")
 
 
-def clock(seconds: float | None) -> str:
+def clock(seconds: float | None, digits: int = 0) -> str:
     """Seconds as ``m:ss``, or ``h:mm:ss`` from an hour on; a dash for None.
 
-    >>> clock(83.4), clock(3723.0)
-    ('1:23', '1:02:03')
+    >>> clock(83.4), clock(3723.0), clock(83.44, 1)
+    ('1:23', '1:02:03', '1:23.4')
     """
     if seconds is None:
         return "–"
-    sign = "-" if seconds <= -0.5 else ""
-    minutes, rest = divmod(round(abs(seconds)), 60)
+    whole, rest = divmod(round(abs(seconds) * 10**digits), 10**digits)
+    sign = "-" if seconds < 0.0 and whole + rest else ""
+    part = f".{rest:0{digits}d}" if digits else ""
+    minutes, whole = divmod(whole, 60)
     hours, minutes = divmod(minutes, 60)
-    return sign + (f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}")
+    shown = f"{hours}:{minutes:02d}" if hours else f"{minutes}"
+    return f"{sign}{shown}:{whole:02d}{part}"

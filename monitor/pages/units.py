@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-__all__ = ["on_screen", "quantity"]
+__all__ = ["as_written", "on_screen", "quantity"]
 
 _SHOWN: Final = {
     "rad": (180.0 / math.pi, "deg"),
@@ -20,6 +20,11 @@ _SHOWN: Final = {
 def on_screen(unit: str) -> tuple[float, str]:
     """Factor to the unit that is shown, and that unit: ``on_screen("rad/s")[1] == "deg/s"``."""
     return _SHOWN.get(unit, (1.0, unit))
+
+
+def as_written(words: str) -> str:
+    """Words of a verdict, which MAVLink keeps to ASCII: ``as_written("2 m/s^2") == "2 m/s²"``."""
+    return words.replace("m/s^2", "m/s²")
 
 
 def quantity(value: float | None, unit: str | None, *, sign: bool = False) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from links.vocabulary import State
 from monitor.pages import palette
 from monitor.pages.charts import LegendEntry
+from monitor.pages.html import clock
 from monitor.report.autopilots_compared import (
     ARDUPILOT,
     CHECKED,
@@ -21,7 +22,7 @@ from monitor.report.autopilots_compared import (
 )
 from monitor.report.rows import Bar, Mark, rows_figure
 from monitor.report.section import Chart, Column, Fold, Listing, Part, Section, Table, Text
-from monitor.report.wording import clock, instrument, listed, number
+from monitor.report.wording import instrument, listed, number
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d

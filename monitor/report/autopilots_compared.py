@@ -8,7 +8,8 @@ from math import inf
 from typing import Any, Final
 
 from monitor.announced import Said, announced
-from monitor.report.wording import clock, count, instrument, lasting, listed
+from monitor.pages.html import clock
+from monitor.report.wording import count, instrument, lasting, listed
 
 __all__ = [
     "ARDUPILOT",

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from links.vocabulary import Reason
+from monitor.pages.html import clock
 from monitor.report.coverage_found import fine, flown_s, missing, ordinary, unjudged, unseen
 from monitor.report.remedies import NOT_FLOWN, remedy
 from monitor.report.section import Column, Part, Section, Table, Text
-from monitor.report.wording import clock, grouped, lasting, listed, moments
+from monitor.report.wording import grouped, lasting, listed, moments
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d

@@ -33,6 +33,8 @@ __all__ = [
     "wind",
 ]
 
+REACHED: Final = 1.0 - 1e-6
+"""A ratio this near to 1 is at its threshold."""
 AGREED: Final = 0.5
 """Others that changed by less than this share of an error did not see it."""
 _UNSIZED: Final = (Kind.STUCK, Kind.NOISE, Kind.OSCILLATION, Kind.DROPOUT)
@@ -105,20 +107,18 @@ def ratio(scene: Scene, series: Series, blame: Series | None) -> str:
     """Of the third chart: when the statistic passed its threshold, and how far."""
     case = scene.case
     after = series.t_s >= case.onset_s - 0.5
-    loud = after & (series.high > 1.0)
+    loud = after & (series.high >= REACHED)
     until = case.until(scene.flight.duration_s)
     during = after & (series.t_s <= min(until, scene.group.to_s)) & np.isfinite(series.high)
     before = np.isfinite(series.high) & (series.t_s < case.onset_s - 0.5)
     quiet = float(series.high[before].max()) if before.any() else math.nan
     said = f"Before the onset it reached {quiet:.2g}. " if math.isfinite(quiet) else ""
     if not loud.any():
-        return f"{said}It did not pass 1 within this time: the verdict rests on another test."
+        return f"{said}It did not reach 1 within this time: the verdict rests on another test."
     first_s = float(series.t_s[int(loud.argmax())])
     most = float(series.high[during].max()) if during.any() else float(series.high[loud].max())
-    said = (
-        f"{said}It passed 1 {seconds(max(first_s - case.onset_s, 0.0))} after the onset and "
-        f"reached {most:.3g}."
-    )
+    delay = seconds(max(first_s - case.onset_s, 0.0))
+    said = f"{said}It reached 1, its threshold, {delay} after the onset and went up to {most:.3g}."
     if blame is not None and np.isfinite(blame.high).any():
         said += (
             " That is the dispute with the other IMU, which counts for both; the odds say whose "

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from monitor.report.wording import clock, count, lasting, moments
+from monitor.pages.html import clock
+from monitor.report.wording import count, lasting, moments
 
 __all__ = ["live_lines"]
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from links.vocabulary import State
 from monitor.pages import palette
 from monitor.pages.charts import LegendEntry, time_chart
-from monitor.report.wording import clock, listed
+from monitor.pages.html import clock
+from monitor.report.wording import listed
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d
@@ -213,7 +214,7 @@ def tests_chart(flight: Flight, axis: Range1d, sensors: Sequence[Tested]) -> Tim
         if curve is not None and np.isfinite(curve.high).any()
     ]
     top = min(max([1.3, *(1.1 * peak for peak in peaks)]), MOST_RATIO)
-    chart = time_chart(axis, "test / threshold", height=150, y_range=Range(0.0, top))
+    chart = time_chart(axis, "test / threshold", height=150, y_range=Range(-0.05 * top, top))
     for tested, curve in found:
         chart.line(curve, tested.name, tested.tone, dash=tested.dash, width=1.2)
     if chart.legend:

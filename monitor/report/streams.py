@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 from monitor.pages import palette
 from monitor.pages.charts import LegendEntry
+from monitor.pages.html import clock
 from monitor.report.rows import Bar, Mark, rows_figure
 from monitor.report.section import Chart, Column, Part, Section, Table, Text
 from monitor.report.streams_found import damage, recorded, stream_rows
-from monitor.report.wording import clock, count, lasting
+from monitor.report.wording import count, lasting
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from monitor.pages.html import clock
 from monitor.report.remedies import REJECTED
-from monitor.report.wording import clock, count, lasting, number
+from monitor.report.wording import count, lasting, number
 
 __all__ = ["damage", "recorded", "rejections", "stream_rows"]
 

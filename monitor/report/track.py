@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from links.vocabulary import State
 from monitor.pages import palette
 from monitor.pages.charts import LegendEntry, style_figure
+from monitor.pages.html import clock
 from monitor.pages.palette import LOOKS
 from monitor.report.section import Chart, Section
-from monitor.report.wording import clock, listed, number
+from monitor.report.wording import listed, number
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d

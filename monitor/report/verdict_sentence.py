@@ -15,6 +15,7 @@ from links.vocabulary import Kind, Reason, State
 from monitor.pages.html import clock
 from monitor.pages.palette import LOOKS, Look
 from monitor.pages.units import quantity
+from monitor.report.wording import count, lasting, listed
 from monitor.started import started
 
 if TYPE_CHECKING:
@@ -100,8 +101,11 @@ def what_it_did(fault: Mapping[str, Any]) -> str:
     did = _DID.get(Kind(fault["kind"]))
     if did is not None or fault["magnitude"] is None:
         return did or "did not agree with the others"
-    way = "high" if fault["magnitude"] > 0 else "low"
-    return f"read {quantity(abs(fault['magnitude']), fault['unit'])} too {way}"
+    size = quantity(abs(fault["magnitude"]), fault["unit"])
+    if fault["sensor"].startswith("wing_"):
+        what = fault["sensor"].partition(".")[2]
+        return f"{'lost' if what == 'lift' else 'gained'} {size} more {what} than the other"
+    return f"read {size} too {'high' if fault['magnitude'] > 0 else 'low'}"
 
 
 def _verdict(flight: Flight, judged: Sequence[str]) -> tuple[State, str]:
@@ -200,7 +204,7 @@ def _of_the_log(summary: Mapping[str, Any]) -> Iterable[str]:
     if log["gaps"]:
         seconds = sum(gap["seconds"] for gap in log["gaps"])
         gaps = "a gap" if len(log["gaps"]) == 1 else f"{len(log['gaps'])} gaps"
-        yield f"The recording has {gaps} of {clock(seconds)} in all."
+        yield f"The recording has {gaps}, {lasting(seconds)} in all."
     if log["boots_s"]:
         yield f"The vehicle booted anew at {_listed([clock(at) for at in log['boots_s']])}."
     yield from (_sentence(note) for note in log["notes"])
@@ -263,7 +267,8 @@ def _facts(flight: Flight) -> list[Fact]:
         Fact(
             "Profile",
             str(made["profile"]),
-            f"mavsentry {made['version']}" + (f", {changed} settings changed" if changed else ""),
+            f"mavsentry {made['version']}"
+            + (f", {count(changed, 'setting')} changed" if changed else ""),
         ),
     ]
 
@@ -302,7 +307,7 @@ def _listed(words: Sequence[str], more: int = 0) -> str:
     rest = len(words) - len(shown) + more
     if rest:
         shown.append(f"{rest:,} more")
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+    return listed(shown)
 
 
 def _sentence(words: str) -> str:

@@ -7,24 +7,12 @@ import re
 from collections.abc import Iterable, Sequence
 
 from links.vocabulary import GYRO_ACC_AXES
+from monitor.pages.html import clock
 
-__all__ = ["clock", "count", "grouped", "instrument", "lasting", "listed", "moments", "number"]
+__all__ = ["count", "grouped", "instrument", "lasting", "listed", "moments", "number"]
 
 _IMU_AXIS = re.compile(r"(imu\d+)\.(acc|gyro)_([xyz])")
 _WING = re.compile(r"wing_(left|right)\.(lift|drag)")
-
-
-def clock(t_s: float, digits: int = 0) -> str:
-    """A moment as on the time axes: ``2:19``, ``1:02:03``; with ``digits`` of a second."""
-    sign = "-" if round(t_s, digits) < 0 else ""
-    steps = round(abs(t_s) * 10**digits)
-    whole, rest = divmod(steps, 10**digits)
-    minutes, seconds = divmod(whole, 60)
-    hours, minutes = divmod(minutes, 60)
-    part = f".{rest:0{digits}d}" if digits else ""
-    if hours:
-        return f"{sign}{hours}:{minutes:02d}:{seconds:02d}{part}"
-    return f"{sign}{minutes}:{seconds:02d}{part}"
 
 
 def lasting(seconds: float) -> str:

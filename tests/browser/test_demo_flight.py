@@ -18,7 +18,7 @@ READY_S = 300.0
 """The daemon may have to compile its kernels first."""
 
 FAULTS = {
-    "imu0.acc_x": (r"1\.\d m/s.2 high", "imu0-acc"),
+    "imu0.acc_x": (r"1\.\d m/s(?:\^2|²) high", "imu0-acc"),
     "airspeed1": (r"\d\.\d m/s low", "airspeed"),
     "imu0.gyro_y": (r"2\.\d deg/s high|2\.\d °/s high", "imu0-gyro"),
     "aoa2": ("stuck", "aoa"),

@@ -45,6 +45,7 @@ TUNING = bank.Tuning(
     difference_sigma=6.0,
     single_sigma=6.0,
     attitude_independent=False,
+    noise_ln=np.log(16.0),
 )
 
 

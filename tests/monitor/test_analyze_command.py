@@ -96,21 +96,29 @@ def test_without_the_extra_there_is_a_sentence_instead_of_a_report(
     assert capsys.readouterr().err == ""
 
 
-def test_a_full_disk_is_said_and_leaves_no_half_report(log, tmp_path, capsys, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), UNUSABLE, "No space left on device"),
+        (KeyboardInterrupt(), INTERRUPTED, ""),
+    ],
+)
+def test_a_full_disk_or_ctrl_c_leaves_no_half_report(
+    log, tmp_path, capsys, monkeypatch, error, status, said
+) -> None:
     whole = Path.write_text
 
-    def full(self, text, *arguments, **named):
+    def cut_short(self, text, *arguments, **named):
         if "report" in self.name:
             whole(self, text[:1000], *arguments, **named)
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            raise error
         return whole(self, text, *arguments, **named)
 
-    monkeypatch.setattr(Path, "write_text", full)
-    assert analyze(log, "--out", tmp_path) == UNUSABLE
+    monkeypatch.setattr(Path, "write_text", cut_short)
+    assert analyze(log, "--out", tmp_path) == status
     folder = tmp_path / "flight"
-    assert capsys.readouterr().err == (
-        f"mavsentry: cannot write to {folder}: No space left on device\n"
-    )
+    sentence = f"mavsentry: cannot write to {folder}: {said}\n" if said else ""
+    assert capsys.readouterr().err == sentence
     assert {p.name for p in folder.iterdir()} == {"summary.json", "estimates"}
 
 

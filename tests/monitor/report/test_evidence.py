@@ -273,7 +273,7 @@ def test_a_ratio_of_any_size_is_drawn_over_its_threshold(
     chart = charts(of(tested))["fault-1-test"]
     (figure,) = chart.models
     assert type(figure.y_scale).__name__ == scale
-    assert "Before the onset it reached 0.3. It passed 1 0." in chart.caption
+    assert "Before the onset it reached 0.3. It reached 1, its threshold, 0." in chart.caption
     assert f"reached {most:.3g}." in chart.caption
     (values,) = drawn(chart)
     assert values.max() == pytest.approx(most)

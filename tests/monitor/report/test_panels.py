@@ -286,7 +286,7 @@ def test_tests_stand_below_up_to_where_they_can_be_read() -> None:
     flight = small.flight({"imu0": small.imu(), "imu0_tests": ratios})
     section = imu.section(flight, axis_of(flight))
     *_, tests = figures(section)
-    assert (tests.y_range.start, tests.y_range.end) == (0.0, 5.0)
+    assert (tests.y_range.start, tests.y_range.end) == (-0.25, 5.0)
     assert limits(tests) == [1.0]
     drawn = [r for r in tests.renderers if type(r.glyph).__name__ == "Line" and r.glyph.line_alpha]
     assert {tuple(r.glyph.line_dash) for r in drawn} == {(), (2, 4)}

@@ -153,7 +153,7 @@ def test_silence_gaps_restarts_and_learnt_thresholds_are_said() -> None:
     )
     assert list(shown.besides) == [
         "Sent nothing for a while: gps0 for 0:15.",
-        "The recording has a gap of 1:05 in all.",
+        "The recording has a gap, 1 min 05 s in all.",
         "The vehicle booted anew at 1:20.",
         "This flight taught the thresholds.",
     ]

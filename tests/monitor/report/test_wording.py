@@ -2,7 +2,8 @@
 
 import pytest
 
-from monitor.report.wording import clock, count, grouped, lasting, listed, moments, number
+from monitor.pages.html import clock
+from monitor.report.wording import count, grouped, lasting, listed, moments, number
 
 
 @pytest.mark.parametrize(
