@@ -137,6 +137,15 @@ def swinging(state: Array, i: int, others: int, t: float) -> bool:
 
 
 @kernel
+def _beside(state: Array, limits: CheckLimits, i: int, j: int) -> tuple[float, float]:
+    """By how much the variance of pitot i exceeds that of pitot j, and the limit of v^(1/2)."""
+    pair = state[i + j - 1]
+    g = pair[G] if i < j else -pair[G]
+    quiet = max(0.25 * (pair[V] + pair[U] - 2.0 * abs(g)), 0.0)
+    return g, max(limits.noise_rms, limits.noise_ratio * math.sqrt(quiet))
+
+
+@kernel
 def swings(
     state: Array, limits: CheckLimits, i: int, others: int, t: float
 ) -> tuple[float, float, float]:
@@ -155,9 +164,8 @@ def swings(
         if j == i or not (others >> j) & 1:
             continue
         pair = state[i + j - 1]
-        g = pair[G] if i < j else -pair[G]
-        quiet = max(0.25 * (pair[V] + pair[U] - 2.0 * abs(g)), 0.0)
-        limit = max(limits.noise_rms, limits.noise_ratio * math.sqrt(quiet), limit)
+        g, least = _beside(state, limits, i, j)
+        limit = max(least, limit)
         lasts = t - pair[T_TURN] <= HALF_PERIOD_S and t - pair[SINCE] > limits.noise_s
         if not (
             lasts and pair[TURNS] >= TURNS_MIN and pair[V] > limit * limit and g > 0.5 * pair[V]
@@ -178,9 +186,8 @@ def swing_ratio(state: Array, limits: CheckLimits, i: int, others: int, t: float
         if j == i or not (others >> j) & 1:
             continue
         pair = state[i + j - 1]
-        g = pair[G] if i < j else -pair[G]
-        quiet = max(0.25 * (pair[V] + pair[U] - 2.0 * abs(g)), 0.0)
-        limit = max(limits.noise_rms, limits.noise_ratio * math.sqrt(quiet), limit)
+        g, least = _beside(state, limits, i, j)
+        limit = max(least, limit)
         turns = pair[TURNS] if t - pair[T_TURN] <= HALF_PERIOD_S else 0.0
         own = g / (0.5 * pair[V]) if pair[V] > 0.0 else 0.0
         rest = min(rest, turns / TURNS_MIN, own)

@@ -1,36 +1,13 @@
 """Short synthetic flights, each with one thing broken, as telemetry logs."""
 
-FLIGHT = """\
+from tests.circuit import circuit
+
+FLIGHT = f"""\
 title = "Two minutes of a small aircraft with two of each sensor"
 aircraft = "small-uav"
 seed = 7
 
-[start]
-speed_m_s = 20.0
-agl_m = 150.0
-
-[[leg]]
-do = "level"
-duration_s = 15.0
-[[leg]]
-do = "turn"
-angle_deg = 180.0
-[[leg]]
-do = "climb"
-rate_m_s = 1.5
-duration_s = 15.0
-[[leg]]
-do = "turn"
-angle_deg = -180.0
-[[leg]]
-do = "level"
-duration_s = 45.0
-
-[[wind]]
-kind = "constant"
-speed_m_s = 4.0
-toward_deg = 60.0
-
+{circuit(45.0)}
 [imu]
 count = 2
 

@@ -6,39 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from tests.circuit import circuit
+
 COMMAND = (sys.executable, "-m", "monitor.cli")
 
-SCENARIO = """\
+SCENARIO = f"""\
 title = "A minute and a half in flight: an accelerometer and a pitot break"
 aircraft = "small-uav"
 seed = 7
 
-[start]
-speed_m_s = 20.0
-agl_m = 150.0
-
-[[leg]]
-do = "level"
-duration_s = 15.0
-[[leg]]
-do = "turn"
-angle_deg = 180.0
-[[leg]]
-do = "climb"
-rate_m_s = 1.5
-duration_s = 15.0
-[[leg]]
-do = "turn"
-angle_deg = -180.0
-[[leg]]
-do = "level"
-duration_s = 40.0
-
-[[wind]]
-kind = "constant"
-speed_m_s = 4.0
-toward_deg = 60.0
-
+{circuit(40.0)}
 [airspeed]
 count = 2
 
