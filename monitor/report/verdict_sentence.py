@@ -29,7 +29,7 @@ NAMED: Final = 4
 
 _DID: Final = {
     Kind.STUCK: "always read the same",
-    Kind.DROPOUT: "dropped out",
+    Kind.DROPOUT: "was dead",
     Kind.NOISE: "was noisy",
     Kind.OSCILLATION: "oscillated",
     Kind.RUNAWAY: "ran away",

@@ -23,7 +23,7 @@ SAID = {
     "healthy": r"No fault was found in the \d+ sensors",
     "pitot": r"airspeed0 was faulty from 1:0\d to 1:\d\d: it read \d\.\d+ m/s too low",
     "imu": r"imu0\.acc_x was faulty from (0:59|1:00) to 1:\d\d: it read 2\.9\d? m/s² too high",
-    "dead": r"airspeed1 was faulty from 1:00.*dropped out",
+    "dead": r"airspeed1 was faulty from 1:00.*was dead",
 }
 BROKEN = {"pitot": "airspeed0", "imu": "imu0.acc_x", "dead": "airspeed1"}
 """Flight -> its verdict; flight -> the sensor that breaks, from a minute on."""

@@ -66,7 +66,7 @@ def test_a_fault_that_was_not_cleared_lasts_to_the_end_of_the_log() -> None:
         (Kind.SCALE, "read 1.5 m/s² too high"),
         (Kind.UNKNOWN, "read 1.5 m/s² too high"),
         (Kind.STUCK, "always read the same"),
-        (Kind.DROPOUT, "dropped out"),
+        (Kind.DROPOUT, "was dead"),
         (Kind.NOISE, "was noisy"),
         (Kind.OSCILLATION, "oscillated"),
         (Kind.RUNAWAY, "ran away"),
