@@ -274,6 +274,6 @@ def test_a_ratio_of_any_size_is_drawn_over_its_threshold(
     (figure,) = chart.models
     assert type(figure.y_scale).__name__ == scale
     assert "Before the onset it reached 0.3. It reached 1, its threshold, 0." in chart.caption
-    assert f"reached {most:.3g}." in chart.caption
+    assert f"went up to {most:.3g}." in chart.caption
     (values,) = drawn(chart)
     assert values.max() == pytest.approx(most)
