@@ -19,12 +19,11 @@ from monitor.report.evidence_scene import Scene
 from monitor.report.evidence_words import (
     estimator_words,
     group_heading,
-    moment,
-    seconds,
     size_words,
     statistic_words,
 )
 from monitor.report.section import Column, Part, Section, Table, Text
+from monitor.report.wording import lasting
 
 if TYPE_CHECKING:
     from bokeh.models import Range1d
@@ -111,10 +110,10 @@ def _facts(flight: Flight, group: Group) -> Table:
     rows = []
     for case in group.cases:
         row = [
-            moment(case.onset_s),
-            f"{seconds(case.detected_s - case.onset_s)} later",
-            f"{seconds(case.isolated_s - case.onset_s)} later",
-            "never" if case.cleared_s is None else moment(case.cleared_s),
+            clock(case.onset_s, 1),
+            f"{lasting(case.detected_s - case.onset_s)} later",
+            f"{lasting(case.isolated_s - case.onset_s)} later",
+            "never" if case.cleared_s is None else clock(case.cleared_s, 1),
             "event" if case.is_event else str(case.kind),
             _size(case),
             statistic_words(case, flight.settings),
@@ -140,8 +139,8 @@ def _how_often(flight: Flight, group: Group) -> str:
     judged = next((m for m in flight.summary.get("monitored", ()) if m["sensor"] == sensor), None)
     times = "once" if len(all_cases) == 1 else f"{len(all_cases)} times"
     state = "stopped" if group.cases[0].is_event else "faulty"
-    said = f"{sensor}: {state} {times} on this flight, for {seconds(max(lasted_s, 0.0))} in all"
-    return f"{said}, of {seconds(judged['seconds'])} judged" if judged else said
+    said = f"{sensor}: {state} {times} on this flight, for {lasting(max(lasted_s, 0.0))} in all"
+    return f"{said}, of {lasting(judged['seconds'])} judged" if judged else said
 
 
 def _table_of(cases: Sequence[Case]) -> Section:
@@ -159,7 +158,7 @@ def _table_of(cases: Sequence[Case]) -> Section:
         [
             case.sensor,
             clock(case.onset_s),
-            f"{seconds(case.isolated_s - case.onset_s)} later",
+            f"{lasting(case.isolated_s - case.onset_s)} later",
             "never" if case.cleared_s is None else clock(case.cleared_s),
             "event" if case.is_event else str(case.kind),
             _size(case),

@@ -14,8 +14,9 @@ from monitor.pages.units import on_screen
 from monitor.report.evidence_data import Family, Limit
 from monitor.report.evidence_numbers import mean_over, value_at
 from monitor.report.evidence_scene import Scene
-from monitor.report.evidence_words import seconds, size_words
+from monitor.report.evidence_words import size_words
 from monitor.report.series import Series
+from monitor.report.wording import lasting
 
 __all__ = [
     "apart",
@@ -117,7 +118,7 @@ def ratio(scene: Scene, series: Series, blame: Series | None) -> str:
         return f"{said}It did not reach 1 within this time: the verdict rests on another test."
     first_s = float(series.t_s[int(loud.argmax())])
     most = float(series.high[during].max()) if during.any() else float(series.high[loud].max())
-    delay = seconds(max(first_s - case.onset_s, 0.0))
+    delay = lasting(max(first_s - case.onset_s, 0.0))
     said = f"{said}It reached 1, its threshold, {delay} after the onset and went up to {most:.3g}."
     if blame is not None and np.isfinite(blame.high).any():
         said += (

@@ -10,14 +10,13 @@ from monitor.pages.html import clock
 from monitor.pages.units import on_screen
 from monitor.report.evidence_cases import APART_S, Case, Group
 from monitor.report.evidence_data import Family, Subject
+from monitor.report.wording import lasting
 from monitor.settings import Settings
 
 __all__ = [
     "estimator_words",
     "group_heading",
     "heading",
-    "moment",
-    "seconds",
     "size_words",
     "statistic_words",
 ]
@@ -44,19 +43,6 @@ _DECIDED: Final = {
 }
 
 
-def seconds(duration_s: float) -> str:
-    """A duration: ``"1.8 s"``, ``"42 s"``, ``"3:05"`` minutes from 90 s on."""
-    if duration_s < 9.95:
-        return f"{duration_s:.1f} s"
-    return f"{duration_s:.0f} s" if duration_s < 89.5 else f"{clock(duration_s)} min"
-
-
-def moment(at_s: float) -> str:
-    """A time of the flight to the tenth: ``moment(139.04) == "2:19.0"``."""
-    whole, tenth = divmod(round(at_s * 10.0), 10)
-    return f"{clock(float(whole))}.{tenth}"
-
-
 def size_words(size: float | None, unit: str) -> str:
     """A size without its sign: ``size_words(-0.0785, "rad/s") == "4.5 °/s"``."""
     if size is None or not math.isfinite(size):
@@ -73,9 +59,9 @@ def heading(case: Case, subject: Subject | None) -> str:
     state = "stopped" if case.is_event else "faulty"
     what = "" if case.is_event else f" {_what(case, subject)}"
     noticed, named = case.detected_s - case.onset_s, case.isolated_s - case.onset_s
-    found = f"found {seconds(noticed)} later"
+    found = f"found {lasting(noticed)} later"
     if named - noticed > APART_S:
-        found = f"noticed {seconds(noticed)} later, named after {seconds(named)}"
+        found = f"noticed {lasting(noticed)} later, named after {lasting(named)}"
     end = "to the end of the log" if case.cleared_s is None else f"cleared {clock(case.cleared_s)}"
     return f"{case.sensor} {state}:{what} from {clock(case.onset_s)}, {found}, {end}"
 
