@@ -39,10 +39,17 @@ _INT16_MAX = 32767
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A MAVLink message by name and fields, not yet encoded."""
+    """A MAVLink message by name and fields, not yet encoded.
+
+    Attributes
+    ----------
+    link
+        Number of the only link that it goes out on; None for every output.
+    """
 
     name: str
     fields: Mapping[str, Any]
+    link: int | None = None
 
 
 class _Every:

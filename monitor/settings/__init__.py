@@ -17,6 +17,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from monitor.settings.air import AirSettings
 from monitor.settings.base import Section
+from monitor.settings.component import ComponentSettings
 from monitor.settings.engine import EngineSettings
 from monitor.settings.imu import ImuSettings
 from monitor.settings.learnt import LearntSettings
@@ -55,6 +56,7 @@ class Settings(Section):
 
     profile: str = Field(DEFAULT_PROFILE, description="Airframe class whose values are the base.")
     links: LinkSettings = Field(default_factory=LinkSettings)
+    component: ComponentSettings = Field(default_factory=ComponentSettings)
     streams: StreamSettings = Field(default_factory=StreamSettings)
     phase: PhaseSettings = Field(default_factory=PhaseSettings)
     imu: ImuSettings = Field(default_factory=ImuSettings)
