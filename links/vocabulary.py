@@ -67,6 +67,13 @@ class Rejection(StrEnum):
     DUPLICATE = "duplicate"
     LATE = "late"
     OVERFLOW = "buffer full"
+    UNSIGNED = "not signed"
+    REPLAYED = "replayed"
+    OLD_SIGNATURE = "signed more than a minute ago"
+    NOT_ALLOWED = "sender not allowed"
+    OWN_ECHO = "own echo"
+    SPARE_LINK = "heard on another link too"
+    SECRET = "carries a secret"
 
 
 class Phase(StrEnum):

@@ -32,6 +32,12 @@ __all__ = ["MAX_FRAME", "NO_STAMP", "Framer", "Frames"]
 MAX_FRAME = 280
 """Longest frame: MAVLink 2, 255 bytes of payload, signed [bytes]."""
 
+UNKNOWN_MAX = 256
+"""Unknown message numbers that are counted one by one; a hostile sender has 16 million of them."""
+
+OTHER = -1
+"""In place of the number of any further unknown message."""
+
 Column = NDArray[np.int64]
 
 
@@ -154,7 +160,8 @@ class Framer:
     bad_bytes
         Bytes that belonged to no frame (and to no stamp).
     unknown
-        Message number -> frames passed over because the dialect has no such message.
+        Message number -> frames passed over because the dialect has no such message; of numbers
+        beyond the first :data:`UNKNOWN_MAX`, all under :data:`OTHER`.
     state : (scan.STATES,) int64
         What the search keeps.
     """
@@ -207,7 +214,7 @@ class Framer:
         *_, unknown, _, keep, wrong, truncated, garbage = self.state.tolist()
         self._rest = block[keep:]
         if unknown:
-            self.unknown.update(table[len(table) - unknown :, 0].tolist())
+            self._count_unknown(table[len(table) - unknown :, 0].tolist())
             self._rejected["frame", Rejection.UNKNOWN_MESSAGE] += unknown
         if wrong or truncated or garbage:
             self.bad_bytes += garbage
@@ -218,6 +225,11 @@ class Framer:
             )
             self._rejected.update({("frame", why): n for why, n in counts if n})
             self.state[scan.BAD_CRC :] = 0
+
+    def _count_unknown(self, numbers: list[int]) -> None:
+        for number in numbers:
+            known = number in self.unknown or len(self.unknown) < UNKNOWN_MAX
+            self.unknown[number if known else OTHER] += 1
 
     def _scan(self, block: bytes) -> Frames:
         table = np.empty((scan.room(len(block)), scan.COLUMNS), np.int64)

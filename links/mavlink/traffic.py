@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from links.clock import VehicleClock
 from links.jit import kernel
 from links.mavlink.dialect import Dialect
-from links.mavlink.framing import Framer
+from links.mavlink.framing import OTHER, Framer
 from links.mavlink.scan import COMPONENT, MESSAGE, SEQUENCE, SYSTEM
 
 __all__ = ["Counters", "count_frames", "traffic_size"]
@@ -76,12 +76,15 @@ class Counters:
 
     @property
     def by_name(self) -> Counter[str]:
-        """Message name -> checked frames; an unknown message counts under ``"#<number>"``."""
+        """Message name -> checked frames; an unknown message counts under ``"#<number>"``, those
+        of many such numbers under ``"#other"``.
+        """
         counts = self.array[_BY_MESSAGE : -2 * _SENDERS]
         names = Counter(
             {self._dialect.by_id[n].name: int(counts[n]) for n in np.flatnonzero(counts).tolist()}
         )
-        names.update({f"#{number}": n for number, n in self._framer.unknown.items()})
+        for number, n in self._framer.unknown.items():
+            names["#other" if number == OTHER else f"#{number}"] = n
         return names
 
     @property

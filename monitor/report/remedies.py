@@ -128,6 +128,16 @@ REJECTED: Final[dict[str, str]] = {
     Rejection.DUPLICATE: "The same sample again: no new measurement.",
     Rejection.LATE: "Came after newer data had been judged already (streams.horizon_s).",
     Rejection.OVERFLOW: "More waited than there is room for.",
+    Rejection.UNSIGNED: "Signed messages are demanded and this one is not: a device without the "
+    "key, or an intruder.",
+    Rejection.REPLAYED: "Signed, but no newer than the last of its sender: sent again by somebody, "
+    "overtaken on the way, or the same packet over a second path.",
+    Rejection.OLD_SIGNATURE: "The first of a sender, signed more than a minute before our time: a "
+    "recording, or a device whose clock is behind.",
+    Rejection.NOT_ALLOWED: "From a system or component that security.allow does not list.",
+    Rejection.OWN_ECHO: "What we sent ourselves came back, or another sender uses our ids.",
+    Rejection.SPARE_LINK: "The sender is heard on several links and one speaks for it; no harm.",
+    Rejection.SECRET: "Carries a key (SETUP_SIGNING): never used, passed on or kept.",
 }
 """Reason of a rejection -> what it means."""
 
