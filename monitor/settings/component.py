@@ -1,7 +1,10 @@
 """How the daemon behaves as a component among others."""
 
-from pydantic import Field
+from typing import Self
 
+from pydantic import Field, NonNegativeFloat, model_validator
+
+from monitor.needs import NEEDS
 from monitor.settings.base import Section
 
 __all__ = ["ComponentSettings"]
@@ -29,3 +32,38 @@ class ComponentSettings(Section):
         "all the same. Ground stations and the watched vehicle always are, as far as [security] "
         "lets them through.",
     )
+    request_streams: bool = Field(
+        True,
+        description="Ask the autopilot for streams that come too slowly (SET_MESSAGE_INTERVAL), "
+        "and put them back at the end. Never while a telemetry radio is on the link.",
+    )
+    stream_hz: dict[str, NonNegativeFloat] = Field(
+        default_factory=dict,
+        description="Rate to ask for instead of the built-in one, by stream (imu0, attitude, gps0 "
+        "...) [1/s]; 0 asks for nothing.",
+    )
+    timesync_s: float = Field(
+        5.0,
+        ge=0,
+        le=600,
+        description="Time between TIMESYNC requests to the autopilot, which tell the offset of its "
+        "clock and the round trip; 0 sends none.",
+    )
+    answers_per_s: float = Field(
+        20.0,
+        gt=0,
+        le=1000,
+        description="Most commands, pings and TIMESYNC answered in a second; what exceeds it is "
+        "dropped.",
+    )
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        strange = set(self.stream_hz) - set(NEEDS)
+        if strange:
+            known = ", ".join(NEEDS)
+            raise ValueError(f"{min(strange)} is no stream that is asked for; choose of {known}")
+        for number in (*self.other_ids, *self.obey_systems):
+            if not 1 <= number <= 255:
+                raise ValueError(f"{number} is no MAVLink id; they are 1 to 255")
+        return self

@@ -1,0 +1,86 @@
+"""How often each stream really arrives, by the vehicle's own clock, in windows free of gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+__all__ = ["Counted", "Rates"]
+
+WINDOW_US = 3_000_000
+"""Vehicle time that a rate is measured over."""
+
+SPOILT_US = 500_000
+"""Host time without anything new that spoils a window: the link paused, not a stream."""
+
+LOOK_US = 200_000
+"""Host time between two looks."""
+
+
+class Counted(Protocol):
+    """What is read of ``monitor.streams.Stream``."""
+
+    @property
+    def samples(self) -> int:
+        """Rows used so far."""
+        ...
+
+    @property
+    def last_us(self) -> int:
+        """Vehicle time of the newest row [us]."""
+        ...
+
+
+class Rates:
+    """Measures streams window by window.
+
+    Parameters
+    ----------
+    streams
+        Stream -> its account, as the pipeline keeps it.
+
+    Attributes
+    ----------
+    hz
+        Stream -> rate in the last whole window [1/s]; a stream that is not in it did not come.
+    """
+
+    def __init__(self, streams: Callable[[], Mapping[str, Counted]]) -> None:
+        self._streams = streams
+        self.hz: dict[str, float] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new window at the next look."""
+        self._from_us: int | None = None
+        self._counts: dict[str, int] = {}
+        self._newest_us = 0
+        self._moved_us = self._looked_us = 0
+
+    def look(self, now_us: int) -> bool:
+        """Whether a window has just ended; ``hz`` is of it then."""
+        if now_us - self._looked_us < LOOK_US:
+            return False
+        self._looked_us = now_us
+        streams = self._streams()
+        newest_us = max((s.last_us for s in streams.values()), default=0)
+        if newest_us > self._newest_us:
+            self._newest_us, self._moved_us = newest_us, now_us
+        elif now_us - self._moved_us > SPOILT_US:
+            self._from_us = None
+            return False
+        if self._from_us is None:
+            self._from_us = newest_us
+            self._counts = {name: s.samples for name, s in streams.items()}
+            return False
+        span_us = newest_us - self._from_us
+        if span_us < WINDOW_US:
+            return False
+        self.hz = {
+            name: (s.samples - self._counts.get(name, 0)) * 1e6 / span_us
+            for name, s in streams.items()
+            if s.samples > self._counts.get(name, 0)
+        }
+        self._from_us = newest_us
+        self._counts = {name: s.samples for name, s in streams.items()}
+        return True
