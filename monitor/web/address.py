@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from links.endpoints.base import LinkError, plain, resolve
+from monitor.places import state_folder
 
 __all__ = ["VARIABLE", "Listening", "Token", "WebError", "find_token", "listen"]
 
@@ -135,7 +136,7 @@ def find_token(
     loopback
         Only this computer can reach the page: without a token given, none is needed.
     state_folder
-        Where a made token is kept; None takes the user's.
+        Where a made token is kept; None takes :func:`monitor.places.state_folder`.
 
     Raises
     ------
@@ -160,10 +161,7 @@ def find_token(
 
 def _kept(folder: Path | None) -> Token:
     """The token of the user's state folder, made if there is none yet."""
-    if folder is None:
-        from platformdirs import user_state_path
-
-        folder = user_state_path("mavsentry", appauthor=False)
+    folder = folder or state_folder()
     path = folder / "web-token"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
