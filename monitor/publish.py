@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from links.mavlink import OUTPUT_MESSAGES
 from links.samples import Rows
 from links.vocabulary import State
 from monitor.announce import Announcer
 from monitor.masks import FAULT, MONITORED, masks, stopped_engines
+from monitor.pacing import STOPPED, Every, OwnIntervals
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import StepResult
 
@@ -27,6 +29,9 @@ RECONSTRUCTED_ID = 9
 """Instance of AIRSPEED, and first instance of HIGHRES_IMU, that carries reconstructed values."""
 
 HEARTBEAT_US = 1_000_000
+
+PERIODIC = frozenset(OUTPUT_MESSAGES) - {"HEARTBEAT", "STATUSTEXT"}
+"""Messages whose interval may be asked for."""
 
 _MONITORED = frozenset({State.OK, State.SUSPECT, State.FAULTY})
 _G0_M_S2 = 9.80665
@@ -52,23 +57,6 @@ class Message:
     link: int | None = None
 
 
-class _Every:
-    """True once per period of host time, and at the first question."""
-
-    def __init__(self, period_us: float) -> None:
-        self._period_us = period_us
-        self._next_us: float | None = None
-
-    def __call__(self, now_us: int) -> bool:
-        if self._next_us is None:
-            self._next_us = now_us + self._period_us
-            return True
-        if now_us < self._next_us:
-            return False
-        self._next_us = max(self._next_us + self._period_us, now_us + self._period_us / 2)
-        return True
-
-
 class Publisher:
     """Turns what the pipeline says into messages, each at its rate and at once where it matters.
 
@@ -88,11 +76,15 @@ class Publisher:
         self._states: dict[str, State] = {}
         self._announcer = Announcer(settings.text_burst, settings.text_interval_s)
         self._newest: dict[str, np.void] = {}
-        self._sent_t_us: dict[str, int] = {}
+        self._sent_t_us: dict[tuple[str, str], int] = {}
         self._sent_faults: dict[str, int] = {}
-        self._heartbeat = _Every(HEARTBEAT_US)
-        self._masks = _Every(1e6 / settings.mask_rate_hz)
-        self._values = _Every(1e6 / settings.value_rate_hz) if settings.value_rate_hz else None
+        self._heartbeat = Every(HEARTBEAT_US)
+        self._masks = Every(1e6 / settings.mask_rate_hz)
+        self._values = Every(1e6 / settings.value_rate_hz) if settings.value_rate_hz else None
+        self._own = OwnIntervals()
+        self._silent = True
+        self._t_us: int | None = None
+        self._text: Message | None = None
 
     def note(self, result: StepResult) -> None:
         """Take what one step of the pipeline gave."""
@@ -116,18 +108,80 @@ class Publisher:
             The vehicle's link has fallen silent: the heartbeat says so and values stop.
         """
         out: list[Message] = []
+        self._silent, self._t_us = silent, t_us
+        own = self._own.due(now_us)
         if t_us is not None:
-            out += self._fault_masks(now_us, t_us)
+            out += self._fault_masks(now_us, t_us, own)
             if self._settings.text:
-                out += [
+                texts = [
                     Message("STATUSTEXT", {"severity": t.severity, "text": t.text})
                     for t in self._announcer.due(now_us, t_us)
                 ]
-            if not silent and self._values is not None and self._values(now_us):
-                out += self._reconstructed(t_us)
+                self._text = texts[-1] if texts else self._text
+                out += texts
+            if not silent:
+                configured = self._values is not None and self._values(now_us)
+                if configured or own:
+                    out += self._reconstructed(t_us, configured, own)
         if self._heartbeat(now_us):
             out.append(self._heartbeat_message(silent or t_us is None))
         return out
+
+    # ------------------------------------------------------------------ on request
+
+    def interval_us(self, name: str) -> int:
+        """Time between two messages of a name [us]; -1 not sent, 0 not ours or on a change only."""
+        if name == "HEARTBEAT":
+            return HEARTBEAT_US
+        if name not in PERIODIC or not self._has(name):
+            return 0
+        rate_hz = self._settings.value_rate_hz
+        if name == "NAMED_VALUE_FLOAT":
+            rate_hz = max(rate_hz, self._settings.mask_rate_hz)
+        offered = self._offers(name)
+        return self._own.get(name, round(1e6 / rate_hz) if offered else STOPPED)
+
+    def set_interval(self, name: str, interval_us: int) -> bool:
+        """Send a periodic message at another interval [us]; -1 stops it, 0 takes that back.
+
+        What goes out on a change goes out all the same, and the heartbeat stays as it is: False
+        for it, for messages that are not ours or switched off by the configuration, and for
+        intervals below ``monitor.pacing.LEAST_INTERVAL_US``.
+        """
+        if name == "HEARTBEAT":
+            return interval_us in (0, HEARTBEAT_US)
+        if name not in PERIODIC or not self._has(name) or not self._offers(name):
+            return False
+        return self._own.put(name, interval_us)
+
+    def newest(self, name: str) -> list[Message]:
+        """The messages of a name as they would be sent now; empty where there is nothing to say."""
+        if name == "HEARTBEAT":
+            return [self._heartbeat_message(self._silent or self._t_us is None)]
+        if name == "STATUSTEXT":
+            return [self._text] if self._text is not None else []
+        if self._t_us is None:
+            return []
+        out = self._all_masks(self._t_us) if name == "NAMED_VALUE_FLOAT" else []
+        for estimate, row in self._newest.items():
+            if not self._old(row, self._t_us):
+                out += self._contents(estimate, row)
+        return [m for m in out if m.name == name and self._has(name)]
+
+    def _offers(self, name: str) -> bool:
+        """Whether the configuration has this message sent at all."""
+        here = self._settings
+        if name == "NAMED_VALUE_FLOAT":
+            return True
+        if not here.value_rate_hz:
+            return False
+        if name in ("AIRSPEED", "AOA_SSA", "WIND_COV"):
+            return here.values_standard
+        if name == "DEBUG_FLOAT_ARRAY":
+            return here.imu_faults
+        return name.startswith(here.imu_reconstructed)
+
+    # ------------------------------------------------------------------ contents
 
     def _heartbeat_message(self, silent: bool) -> Message:
         grave = not {State.FAULTY, State.STOPPED}.isdisjoint(self._states.values())
@@ -143,10 +197,20 @@ class Publisher:
             },
         )
 
-    def _fault_masks(self, now_us: int, t_us: int) -> list[Message]:
+    def _faults(self) -> dict[str, int]:
         faults = {FAULT + k: bits for k, bits in masks(self._states, {State.FAULTY}).items()}
-        faults |= stopped_engines(self._states)
-        periodic = self._masks(now_us)
+        return faults | stopped_engines(self._states)
+
+    def _all_masks(self, t_us: int) -> list[Message]:
+        monitored = masks(self._states, _MONITORED)
+        return [_named(t_us, name, bits) for name, bits in self._faults().items()] + [
+            _named(t_us, MONITORED + name, bits) for name, bits in monitored.items()
+        ]
+
+    def _fault_masks(self, now_us: int, t_us: int, own: set[str]) -> list[Message]:
+        faults = self._faults()
+        name = "NAMED_VALUE_FLOAT"
+        periodic = name in own if name in self._own else self._masks(now_us)
         out = [
             _named(t_us, name, bits)
             for name, bits in faults.items()
@@ -158,24 +222,39 @@ class Publisher:
             out += [_named(t_us, MONITORED + name, bits) for name, bits in monitored.items()]
         return out
 
-    def _reconstructed(self, t_us: int) -> list[Message]:
-        """Values of every estimate that is new since it was last sent and not too old."""
+    def _reconstructed(self, t_us: int, configured: bool, own: set[str]) -> list[Message]:
+        """Values of every estimate that is new since it was last sent and not too old.
+
+        ``configured``: messages without an interval of their own are due; ``own``: these are.
+        """
         out: list[Message] = []
-        oldest_us = t_us - round(self._settings.value_age_max_s * 1e6)
         for name, row in self._newest.items():
             row_t_us = int(row["t_us"])
-            if row_t_us < oldest_us or row_t_us == self._sent_t_us.get(name):
+            if self._old(row, t_us):
                 continue
-            self._sent_t_us[name] = row_t_us
-            if name == "air":
-                out += self._air(row)
-            elif name.startswith("imu") and name[3:].isdigit():
-                out += self._imu(int(name[3:]), row)
-            elif self._settings.values_named and name == "engine":
-                out += self._engine(row)
-            elif self._settings.values_named and name == "wing":
-                out += self._wing(row)
+            sent = set()
+            for message in self._contents(name, row):
+                due = message.name in own if message.name in self._own else configured
+                if due and self._sent_t_us.get((name, message.name)) != row_t_us:
+                    sent.add(message.name)
+                    out.append(message)
+            self._sent_t_us |= dict.fromkeys(((name, m) for m in sent), row_t_us)
         return [m for m in out if self._has(m.name)]
+
+    def _old(self, row: np.void, t_us: int) -> bool:
+        return int(row["t_us"]) < t_us - round(self._settings.value_age_max_s * 1e6)
+
+    def _contents(self, name: str, row: np.void) -> list[Message]:
+        """An estimate's newest row as messages."""
+        if name == "air":
+            return self._air(row)
+        if name.startswith("imu") and name[3:].isdigit():
+            return self._imu(int(name[3:]), row)
+        if self._settings.values_named and name == "engine":
+            return self._engine(row)
+        if self._settings.values_named and name == "wing":
+            return self._wing(row)
+        return []
 
     def _air(self, row: np.void) -> list[Message]:
         t_us = int(row["t_us"])

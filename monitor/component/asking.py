@@ -18,7 +18,7 @@ from typing import Any
 from links.mavlink.heard import Heard
 from monitor.publish import Message
 
-__all__ = ["Answer", "Asking", "Command", "Result"]
+__all__ = ["Answer", "Asking", "Command", "MavCmd", "Result"]
 
 ACK_US = 1_000_000
 """Time for an answer before a command is sent again: companion links answer in tens of ms."""
@@ -28,6 +28,16 @@ TRIES = 3
 
 PATIENCE = 10
 """IN_PROGRESS that are believed, each good for as many :data:`ACK_US` as :data:`TRIES`."""
+
+
+class MavCmd(IntEnum):
+    """MAV_CMD that we ask or answer."""
+
+    PREFLIGHT_REBOOT_SHUTDOWN = 246
+    GET_MESSAGE_INTERVAL = 510
+    SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+    REQUEST_AUTOPILOT_CAPABILITIES = 520
 
 
 class Result(IntEnum):

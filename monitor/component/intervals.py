@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from links.mavlink.heard import Heard
-from monitor.component.asking import Answer, Asking, Command, Result
+from monitor.component.asking import Answer, Asking, Command, MavCmd, Result
 from monitor.component.identity import Autopilot, Identity
 from monitor.component.rates import Counted, Rates
 from monitor.needs import NEEDS, Need
@@ -26,7 +26,6 @@ from monitor.settings.component import ComponentSettings
 
 __all__ = ["Intervals"]
 
-GET_MESSAGE_INTERVAL, SET_MESSAGE_INTERVAL = 510, 511
 STOPPED_US, DEFAULT_US = -1, 0
 """Intervals with a meaning: not sent; as the autopilot itself would send it."""
 
@@ -309,11 +308,11 @@ class Intervals:
         return self._asking.begin(command, now_us)
 
     def _get(self, autopilot: Autopilot, name: str) -> Command:
-        return self._command(autopilot, GET_MESSAGE_INTERVAL, float(self._id(name) or 0))
+        return self._command(autopilot, MavCmd.GET_MESSAGE_INTERVAL, float(self._id(name) or 0))
 
     def _set(self, autopilot: Autopilot, name: str, interval_us: int) -> Command:
         number = float(self._id(name) or 0)
-        return self._command(autopilot, SET_MESSAGE_INTERVAL, number, float(interval_us))
+        return self._command(autopilot, MavCmd.SET_MESSAGE_INTERVAL, number, float(interval_us))
 
     def _command(self, autopilot: Autopilot, number: int, *params: float) -> Command:
         return Command(number, params, autopilot.system, autopilot.component, autopilot.link)
