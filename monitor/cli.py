@@ -20,6 +20,7 @@ from monitor.commands import (
     feed,
     fleet,
     inject,
+    key,
     learn,
     replay,
     run,
@@ -58,6 +59,7 @@ app.command("demo")(demo.demo)
 app.add_typer(learn.app, name="learn")
 app.add_typer(bench.app, name="bench")
 app.add_typer(config.app, name="config")
+app.add_typer(key.app, name="key")
 
 
 def _version(asked: bool) -> None:

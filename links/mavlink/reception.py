@@ -16,7 +16,7 @@ own. A frame whose checksum is right passes, in this order,
 What is refused changes nothing but a counter. All of it depends on the arrivals and their order,
 not on how they are grouped into calls.
 
-With one link, one peer, no key and no allow-list the decoder gets every byte as it came, so that
+With one input, one peer, no key and no allow-list the decoder gets every byte as it came, so that
 it counts what was no frame as it does in a log. In all other cases it gets accepted frames only:
 bytes left out between two halves of a forgery could make it whole.
 """
@@ -64,6 +64,9 @@ class ReceptionOptions:
         Frames without a signature are let in although there is a key.
     unsigned_links
         Numbers of links where they are in any case: a cable to the autopilot.
+    inputs
+        Numbers of links whose frames go to the decoder; of the others only services hear. None:
+        all.
     takeover_us
         Silence of the link that speaks for a sender after which another may [us].
     """
@@ -72,6 +75,7 @@ class ReceptionOptions:
     allow: tuple[str, ...] = ()
     accept_unsigned: bool = False
     unsigned_links: frozenset[int] = frozenset()
+    inputs: frozenset[int] | None = None
     takeover_us: int = 500_000
 
 
@@ -171,7 +175,9 @@ class Reception:
         self.listen(wants)
         self._streams: dict[tuple[int, object], _Stream] = {}
         self._newcomer = _Stream(Framer(self._dialect))
-        self._raw = len(links) == 1 and verifier is None and self._allowed is None
+        inputs = options.inputs
+        self._feeds = [inputs is None or k in inputs for k in range(len(links))]
+        self._raw = sum(self._feeds) == 1 and verifier is None and self._allowed is None
         self._voice = array("q", [_NOBODY]) * (1 << 16)
         self._spoke_us = array("q", [0]) * (1 << 16)
         self.own: tuple[int, int] | None = None
@@ -201,7 +207,7 @@ class Reception:
             self._use(link, peer, arrivals[first:last], parts, out)
             first = last
         if raw and self._raw:
-            parts = [data for _, data, _, _ in arrivals]
+            parts = [data for link, data, _, _ in arrivals if self._feeds[link]]
         out.data = parts[0] if len(parts) == 1 else b"".join(parts)
         return out
 
@@ -233,7 +239,7 @@ class Reception:
         """A framer for a peer that was not heard before, while there is room for one."""
         if sum(known == link for known, _ in self._streams) >= PEERS_MAX:
             return None
-        if self._streams:
+        if self._feeds[link] and any(self._feeds[known] for known, _ in self._streams):
             self._raw = False
         stream = self._streams[link, peer] = _Stream(Framer(self._dialect))
         return stream
@@ -288,7 +294,7 @@ class Reception:
         """What was no frame, by reason; the decoder counts it where it gets every byte."""
         if rejected := framer.take_rejected():
             self.by_link[link].update({why: n for (_, why), n in rejected.items()})
-            if not self._raw:
+            if not (self._raw and self._feeds[link]):
                 out.rejected.update(rejected)
 
     # ------------------------------------------------------------------ frames
@@ -309,7 +315,7 @@ class Reception:
         voices, spoke_us, takeover_us = self._voice, self._spoke_us, self._takeover_us
         arrived = iter(stream.marks)
         upto, host_us = next(arrived)
-        accepted = 0
+        feeds, accepted = self._feeds[link], 0
         begin = end_of_run = 0
         for row in frames.table.tolist():
             start, end, payload, length, message, system, component, _, _, position = row
@@ -344,6 +350,8 @@ class Reception:
                 self._refuse(link, Rejection.OWN_ECHO, out)
                 continue
             accepted += 1
+            if not feeds:
+                continue
             if voices[sender] != voice:
                 if voices[sender] != _NOBODY and host_us - spoke_us[sender] <= takeover_us:
                     self._refuse(link, Rejection.SPARE_LINK, out)
@@ -363,8 +371,6 @@ class Reception:
         return accepted
 
     def _refuse(self, link: int, why: Rejection, out: Received, sender: int = _NOBODY) -> None:
-        if self._raw and why is Rejection.OWN_ECHO:  # the decoder sees it, and counts it as ever
-            return
         out.rejected["radio" if sender == _RADIO else "frame", why] += 1
         self.by_link[link][why] += 1
 

@@ -25,6 +25,7 @@ from monitor.settings.links import LinkSettings
 from monitor.settings.phase import PhaseSettings
 from monitor.settings.publish import PublishSettings
 from monitor.settings.recorder import RecorderSettings
+from monitor.settings.security import SecuritySettings
 from monitor.settings.streams import StreamSettings
 from monitor.settings.triplex import TriplexSettings
 from monitor.settings.vane import VaneSettings
@@ -67,6 +68,7 @@ class Settings(Section):
     wing: WingSettings = Field(default_factory=WingSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
+    security: SecuritySettings = Field(default_factory=SecuritySettings)
     web: WebSettings = Field(default_factory=WebSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)
 
