@@ -6,8 +6,9 @@
                          Component.due  --Messages--> Outbox --every frame--> Component.sent
 
 :class:`Component` shows each accepted message to the services that want it and gathers what they
-answer. It keeps two rules for all of them: what carries our own ids is shown to none, and
-instructions of a foreign vehicle are not obeyed.
+answer. It keeps three rules for all of them: what carries our own ids is shown to none,
+instructions of a foreign vehicle are not obeyed, and their texts are paced and folded.
+:func:`monitor.component.assembly.assemble` puts the daemon's together.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Sequence
 from links.mavlink.heard import Heard
 from monitor.component.identity import Identity
 from monitor.component.services import Service
+from monitor.component.texts import Texts
 from monitor.publish import Message
 
 __all__ = ["INSTRUCTIONS", "Component", "Heard", "Identity", "Service"]
@@ -39,6 +41,7 @@ class Component:
     def __init__(self, identity: Identity, services: Sequence[Service] = ()) -> None:
         self.identity = identity
         self._services: tuple[Service, ...] = (identity, *services)
+        self._texts = Texts()
         self.wants: frozenset[str] = frozenset().union(*(s.wants for s in self._services))
 
     @property
@@ -50,6 +53,11 @@ class Component:
     def notes(self) -> tuple[str, ...]:
         """What an operator must know and what holds now, a sentence each."""
         return tuple(note for service in self._services for note in service.notes)
+
+    @property
+    def facts(self) -> tuple[str, ...]:
+        """What is worth showing and needs nobody's attention: streams asked for, clocks."""
+        return tuple(fact for s in self._services for fact in getattr(s, "facts", ()))
 
     def sent(self, frame: bytes) -> None:
         """Remember a frame that leaves, signed or not: its echo is not another sender."""
@@ -66,15 +74,26 @@ class Component:
         for service in self._services:
             if heard.name in service.wants:
                 out += service.hear(heard, now_us)
-        return out
+        return self._without_texts(out)
 
     def due(self, now_us: int) -> list[Message]:
         """What time makes due; nothing while nothing may be sent yet."""
         out: list[Message] = []
         for service in self._services:
             out += service.due(now_us)
-        return out if self.address is not None else []
+        if self.address is None:
+            return []
+        return self._without_texts(out) + self._texts.due(now_us)
 
     def close(self, now_us: int) -> list[Message]:
         """What must be said at the end."""
         return [message for service in self._services for message in service.close(now_us)]
+
+    def _without_texts(self, messages: list[Message]) -> list[Message]:
+        """The messages but for texts, which wait for their turn."""
+        if not any(m.name == "STATUSTEXT" for m in messages):
+            return messages
+        for message in messages:
+            if message.name == "STATUSTEXT":
+                self._texts.put(message)
+        return [m for m in messages if m.name != "STATUSTEXT"]

@@ -12,6 +12,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from links.catalog import AUTOPILOT_INVALID
 from links.mavlink import Vehicle
 from links.mavlink.heard import Heard
 from monitor.publish import Message
@@ -31,7 +32,6 @@ CLASH_FRAMES = 2
 CLASH_US = 10_000_000
 """A clash is over when no such frame came for this time; so long is a sender taken to be there."""
 
-_INVALID = 8
 _WARNING = 4
 
 
@@ -176,7 +176,7 @@ class Identity:
         """Take note of who is there."""
         self._meet(heard.system, heard.component, now_us)
         kind = int(heard.fields["autopilot"])
-        if kind != _INVALID:
+        if kind != AUTOPILOT_INVALID:
             self.autopilots[heard.system] = Autopilot(
                 heard.system,
                 heard.component,

@@ -63,14 +63,16 @@ class Offset(NamedTuple):
 
 
 class TimeSync:
-    """Asks the autopilot for its time, and answers who asks for ours."""
+    """Asks the autopilot for its time (unless told not to), and answers who asks for ours."""
 
     wants = frozenset({"TIMESYNC", "PING"})
     notes: tuple[str, ...] = ()
 
-    def __init__(self, settings: ComponentSettings, identity: Identity) -> None:
+    def __init__(
+        self, settings: ComponentSettings, identity: Identity, *, asks: bool = True
+    ) -> None:
         self._identity = identity
-        self._period_us = round(settings.timesync_s * 1e6)
+        self._period_us = round(settings.timesync_s * 1e6) if asks else 0
         self._limit = Limit(settings.answers_per_s)
         self._next_us: int | None = None
         self._sent: OrderedDict[int, None] = OrderedDict()
