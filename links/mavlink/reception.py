@@ -197,7 +197,6 @@ class Reception:
         """Let in what has arrived, in its order."""
         out = Received()
         parts: list[bytes] = []
-        raw = self._raw
         first, count = 0, len(arrivals)
         while first < count:
             link, _, _, peer = arrivals[first]
@@ -206,8 +205,6 @@ class Reception:
                 last += 1
             self._use(link, peer, arrivals[first:last], parts, out)
             first = last
-        if raw and self._raw:
-            parts = [data for link, data, _, _ in arrivals if self._feeds[link]]
         out.data = parts[0] if len(parts) == 1 else b"".join(parts)
         return out
 
@@ -282,6 +279,8 @@ class Reception:
                 marks.append((at, host_us))
         first = arrivals[0][1]
         block = first if len(arrivals) == 1 else b"".join([data for _, data, _, _ in arrivals])
+        if self._raw and self._feeds[link]:
+            parts.append(block)
         frames = framer.feed(block)
         accepted = self._judge(frames, stream, link, peer, parts, out) if len(frames) else 0
         self._count(framer, link, out)
@@ -315,7 +314,7 @@ class Reception:
         voices, spoke_us, takeover_us = self._voice, self._spoke_us, self._takeover_us
         arrived = iter(stream.marks)
         upto, host_us = next(arrived)
-        feeds, accepted = self._feeds[link], 0
+        feeds, accepted = self._feeds[link] and not self._raw, 0
         begin = end_of_run = 0
         for row in frames.table.tolist():
             start, end, payload, length, message, system, component, _, _, position = row
