@@ -7,17 +7,15 @@ link to another: what is sent is only what :meth:`Hub.send` is given.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from links.endpoints.base import Endpoint, LinkCounters, now_us
+from links.endpoints.base import LOOK_S, MAX_PER_RECV, Endpoint, LinkCounters, Waiter, now_us
+from links.endpoints.files import LogEndpoint
 
 __all__ = ["Arrival", "Hub", "LinkState"]
-
-LOOK_S = 0.005
-"""Between two looks at links that cannot be waited for together [s]."""
 
 
 class Arrival(NamedTuple):
@@ -38,7 +36,7 @@ class Arrival(NamedTuple):
     link: int
     data: bytes
     host_us: int
-    peer: object
+    peer: Hashable
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,49 +83,64 @@ class Hub:
     def __init__(self, links: Sequence[Endpoint]) -> None:
         self._links = tuple(links)
         self.names = tuple(link.name for link in self._links)
-        self._heard_us: list[int | None] = [None] * len(self._links)
+        self._waiter = Waiter()
+        self._refused = 0
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will ever come: an input that is a file has been read."""
-        return any(link.ended for link in self._links)
+        """Whether nothing more will ever come: all files that were to be read have been."""
+        files = [link for link in self._links if isinstance(link, LogEndpoint)]
+        return bool(files) and all(file.ended for file in files)
 
     def recv(self, timeout_s: float) -> list[Arrival]:
-        """What has arrived on any link, waiting at most ``timeout_s`` for the first."""
-        if len(self._links) == 1:
-            return self._take(0, timeout_s)
+        """What has arrived on any link, waiting at most ``timeout_s`` for the first.
+
+        Of each link :data:`MAX_PER_RECV` reads at most, and each link is read in every round: a
+        flood on one of them does not starve another.
+        """
         end_s = time.monotonic() + timeout_s
         while True:
-            out = [a for number in range(len(self._links)) for a in self._take(number, 0.0)]
+            out = [
+                Arrival(number, *taken)
+                for number, link in enumerate(self._links)
+                for taken in link.take(MAX_PER_RECV)
+            ]
             left_s = end_s - time.monotonic()
-            if out or left_s <= 0:
+            if out or left_s <= 0 or self.ended:
                 return out
-            time.sleep(min(left_s, LOOK_S))
+            waits = tuple(fd for link in self._links for fd in link.waits())
+            blind = any(link.blind for link in self._links)
+            if self._waiter(waits, min(left_s, LOOK_S) if blind else left_s) and self._junk():
+                # Woken for nothing: to be woken for each of thousands would be the flood's success.
+                time.sleep(min(max(end_s - time.monotonic(), 0.0), LOOK_S))
 
     def send(self, data: bytes, link: int) -> None:
         """Send to one link; what cannot leave is counted there. Never blocks."""
         self._links[link].send(data)
 
-    def accepted(self, link: int, peer: object) -> None:
+    def accepted(self, link: int, peer: Hashable) -> None:
         """A frame of this peer was believed: only such peers are answered."""
+        self._links[link].accepted(peer, now_us())
 
     def tend(self, now_us: int) -> None:
         """What time makes due: open again what is lost or silent, forget peers that went."""
+        for link in self._links:
+            link.tend(now_us)
 
     def states(self) -> list[LinkState]:
         """How each link is doing, in order of their numbers."""
         return [
             LinkState(
                 name=link.name,
-                kind=link.name.partition(":")[0],
-                open=True,
-                heard_us=heard_us,
-                backoff_s=0.0,
-                trouble="",
-                peers=1,
+                kind=link.kind,
+                open=link.is_open,
+                heard_us=link.heard_us,
+                backoff_s=link.backoff_s,
+                trouble=link.trouble,
+                peers=link.peers,
                 counters=link.counters,
             )
-            for link, heard_us in zip(self._links, self._heard_us, strict=True)
+            for link in self._links
         ]
 
     def close(self) -> None:
@@ -146,8 +159,7 @@ class Hub:
     ) -> None:
         self.close()
 
-    def _take(self, number: int, timeout_s: float) -> list[Arrival]:
-        got = self._links[number].recv(timeout_s)
-        if got:
-            self._heard_us[number] = now_us()
-        return [Arrival(number, data, host_us, None) for data, host_us in got]
+    def _junk(self) -> bool:
+        """Whether strangers' datagrams were thrown away since the last call."""
+        before, self._refused = self._refused, sum(k.counters.refused for k in self._links)
+        return self._refused > before

@@ -1,85 +1,283 @@
-"""UDP links."""
+"""UDP links: one that listens to whoever speaks, one that speaks to a single peer."""
 
 from __future__ import annotations
 
+import ipaddress
 import socket
+import struct
+from collections.abc import Hashable
+from contextlib import suppress
 from typing import Any
 
-from links.endpoints.base import MAX_PER_RECV, Link, Received, now_us, plain, readable, resolve
+from links.endpoints.base import (
+    Link,
+    LinkOptions,
+    Taken,
+    now_us,
+    plain,
+    resolve,
+)
+from links.endpoints.opening import Opener
+from links.endpoints.peers import Peers, Strangers
 
-__all__ = ["SOCKET_BUFFER", "UdpEndpoint"]
+__all__ = ["SOCKET_BUFFER", "UdpListener", "UdpSpeaker"]
 
 SOCKET_BUFFER = 4 << 20
 """Receive buffer asked of the system, so that a pause of ours loses nothing [bytes]."""
 
+MAX_DATAGRAM = 65535
+
+LOOK_AFTER_US = 1_000_000
+"""How often the system is asked what it threw away [us]."""
+
 _GONE = (ConnectionError, TimeoutError)
+_MEMINFO = 55  # SO_MEMINFO of Linux: nine counts, the last one of datagrams thrown away
+_DROPS = struct.Struct("9I")
 
 
-class UdpEndpoint(Link):
-    """UDP, listening (``udpin``) or speaking to one peer (``udpout``)."""
+class _Udp(Link):
+    """What both kinds share: the socket, and the opener that makes it."""
 
-    def __init__(self, name: str, host: str, port: int, *, listen: bool) -> None:
-        super().__init__(name)
-        family, address = resolve(name, host, port, socket.SOCK_DGRAM)
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        self._peer: Any = None
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER)
-            self._socket.setblocking(False)
-            if listen:
-                self._socket.bind(address)
-            else:
-                self._socket.connect(address)
-                self._peer = address
-        except OSError as error:
-            self._socket.close()
-            raise plain(name, error) from None
-        self._listen = listen
-        self._readable = readable(self._socket)
-        self.counters.opened = 1
+    def __init__(self, name: str, kind: str, host: str, port: int, options: LinkOptions) -> None:
+        super().__init__(name, kind)
+        self._host, self._asked_port = host, port
+        self._options = options
+        self._socket: socket.socket | None = None
+        self._lost_before = 0
+        self._looked_us = 0
+        self._opener = Opener(name, self._make, socket.socket.close, options)
+        self._stands(self._opener.first())
 
     @property
     def port(self) -> int:
-        """Our own port, as the system chose it for port 0."""
-        return int(self._socket.getsockname()[1])
+        """Our own port, as the system chose it for port 0; 0 while there is no socket."""
+        return int(self._socket.getsockname()[1]) if self._socket else 0
 
-    def recv(self, timeout_s: float) -> Received:
-        out: Received = []
-        waited = timeout_s <= 0
-        while len(out) < MAX_PER_RECV:
+    @property
+    def is_open(self) -> bool:
+        return self._socket is not None
+
+    @property
+    def backoff_s(self) -> float:
+        return self._opener.backoff_s
+
+    def waits(self) -> tuple[int, ...]:
+        return (self._socket.fileno(),) if self._socket else ()
+
+    def tend(self, now_us: int) -> None:
+        if (made := self._opener.poll(now_us)) is not None:
+            self._stands(made)
+        if self._socket is not None and now_us - self._looked_us >= LOOK_AFTER_US:
+            self._looked_us = now_us
+            self.counters.overflowed = self._lost_before + _thrown_away(self._socket)
+        self.trouble = self._opener.trouble
+
+    def close(self) -> None:
+        self._opener.close()
+        self._drop()
+
+    def _make(self) -> socket.socket:
+        raise NotImplementedError
+
+    def _stands(self, made: socket.socket | None) -> None:
+        self._socket = made
+        self.counters.opened += made is not None
+        self.trouble = self._opener.trouble
+
+    def _lose(self, trouble: str) -> None:
+        self._drop()
+        self._opener.lost(trouble, now_us())
+        self.trouble = trouble
+
+    def _drop(self) -> None:
+        if self._socket is not None:
+            self._lost_before = self.counters.overflowed
+            self._socket.close()
+            self._socket = None
+
+    def _new_socket(self, family: int) -> socket.socket:
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BUFFER)
+        return sock
+
+
+class UdpListener(_Udp):
+    """``udpin``: hears whoever speaks, answers every peer that was believed."""
+
+    def __init__(self, name: str, host: str, port: int, options: LinkOptions) -> None:
+        self._peers = Peers(options.peer_timeout_s)
+        self._strangers = Strangers()
+        super().__init__(name, "udpin", host, port, options)
+
+    @property
+    def peers(self) -> int:
+        return len(self._peers)
+
+    def take(self, limit: int) -> list[Taken]:
+        out: list[Taken] = []
+        if self._socket is None:
+            return out
+        receive, peers = self._socket.recvfrom, self._peers
+        arrived_us = now_us()
+        for _ in range(limit):
             try:
-                if self._listen:
-                    data, self._peer = self._socket.recvfrom(65535)
-                else:
-                    data = self._socket.recv(65535)
+                data, peer = receive(MAX_DATAGRAM)
             except BlockingIOError:
-                if out or waited or not self._readable(timeout_s):
-                    break
-                waited = True  # looked first, for mostly there is something
+                break
+            except _GONE:  # an earlier datagram found nobody at its peer
+                self.counters.dropped += 1
                 continue
-            except _GONE:  # an earlier datagram found nobody at the peer
+            except OSError as error:
+                self._lose(str(plain(self.name, error)))
+                break
+            if not data:
+                continue
+            if peer not in peers and not self._strangers.lets(peer, arrived_us, len(peers) > 0):
+                self.counters.refused += 1
+                continue
+            arrived_us = now_us()
+            self._received(data, arrived_us)
+            out.append(Taken(data, arrived_us, peer))
+        return out
+
+    def accepted(self, peer: Hashable, now_us: int) -> None:
+        self._peers.heard(peer, now_us)
+        self._strangers.pardon(peer)
+
+    def tend(self, now_us: int) -> None:
+        super().tend(now_us)
+        self._peers.forget_silent(now_us)
+
+    def send(self, data: bytes) -> None:
+        if self._socket is None or not self._peers:
+            self.counters.dropped += 1
+            return
+        for peer in self._peers:
+            try:
+                self._socket.sendto(data, peer)  # type: ignore[call-overload]
+            except OSError:  # nobody there (any more), or no room or route: a lost datagram
                 self.counters.dropped += 1
             else:
-                if data:
-                    self._received(data)
-                    out.append((data, now_us()))
-            if out and not self._readable(0.0):  # costs a third of an attempt in vain
+                self._sent(len(data))
+
+    def _make(self) -> socket.socket:
+        family, address = resolve(self.name, self._host, self._asked_port, socket.SOCK_DGRAM)
+        sock = self._new_socket(family)
+        try:
+            sock.bind(address)
+        except OSError as error:
+            sock.close()
+            raise plain(self.name, error) from None
+        return sock
+
+
+class UdpSpeaker(_Udp):
+    """``udpout``: speaks to one peer and hears only it.
+
+    The peer's name is asked for again while nobody answers there, and in a silence of somebody who
+    had been heard: names move to other addresses. The socket stands meanwhile.
+    """
+
+    def __init__(self, name: str, host: str, port: int, options: LinkOptions) -> None:
+        self._own_port = 0
+        self._named = not _is_address(host)
+        self._watchdog_us = round(options.watchdog_s * 1e6)
+        self._heard_here = False
+        super().__init__(name, "udpout", host, port, options)
+
+    def take(self, limit: int) -> list[Taken]:
+        out: list[Taken] = []
+        for _ in range(limit):
+            if self._socket is None:
                 break
+            try:
+                data = self._socket.recv(MAX_DATAGRAM)
+            except BlockingIOError:
+                break
+            except _GONE as error:
+                self._unheard(error)
+                continue
+            except OSError as error:
+                self._lose(str(plain(self.name, error)))
+                break
+            if data:
+                arrived_us = now_us()
+                self._received(data, arrived_us)
+                out.append(Taken(data, arrived_us, None))
+        if out:
+            self._heard_here = True
+            self._opener.proven()
         return out
 
     def send(self, data: bytes) -> None:
-        if self._peer is None:
+        if self._socket is None:
             self.counters.dropped += 1
             return
         try:
-            if self._listen:
-                self._socket.sendto(data, self._peer)
-            else:
-                self._socket.send(data)
-        except OSError:  # nobody listens there (yet), or no room or route: as a lost datagram
+            self._socket.send(data)
+        except BlockingIOError:
             self.counters.dropped += 1
+        except _GONE as error:  # nobody listens there (yet)
+            self._unheard(error)
+        except OSError as error:  # no route, no such address of ours any more
+            self.counters.dropped += 1
+            self._lose(str(plain(self.name, error)))
         else:
             self._sent(len(data))
 
-    def close(self) -> None:
-        self._socket.close()
+    def tend(self, now_us: int) -> None:
+        super().tend(now_us)
+        silent_us = now_us - self.heard_us if self.heard_us is not None else 0
+        if self._heard_here and 0 < self._watchdog_us < silent_us:
+            self._ask_again(f"nothing is heard of {self.name}")
+
+    def _unheard(self, error: OSError) -> None:
+        self.counters.dropped += 1
+        self._ask_again(str(plain(self.name, error)))
+
+    def _ask_again(self, trouble: str) -> None:
+        """See whether the peer's name leads elsewhere by now."""
+        if self._named and self._opener.idle:
+            self._opener.lost(trouble, now_us())
+
+    def _make(self) -> socket.socket:
+        family, address = resolve(self.name, self._host, self._asked_port, socket.SOCK_DGRAM)
+        sock = self._new_socket(family)
+        try:
+            if self._own_port:  # by which the peer may know us
+                with suppress(OSError):
+                    sock.bind(("", self._own_port))
+            sock.connect(address)
+        except OSError as error:
+            sock.close()
+            raise plain(self.name, error) from None
+        return sock
+
+    def _stands(self, made: socket.socket | None) -> None:
+        if made is not None and self._socket is not None:
+            if made.getpeername() == self._socket.getpeername():
+                made.close()
+                return
+            self._drop()
+        super()._stands(made)
+        if made is not None:
+            self._heard_here = False
+            self._own_port = int(made.getsockname()[1])
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return False
+    return True
+
+
+def _thrown_away(sock: socket.socket) -> int:
+    """Datagrams that the system threw away for want of room; 0 where it does not tell."""
+    try:
+        told: Any = sock.getsockopt(socket.SOL_SOCKET, _MEMINFO, _DROPS.size)
+    except OSError:
+        return 0
+    return int(_DROPS.unpack(told)[8]) if len(told) == _DROPS.size else 0

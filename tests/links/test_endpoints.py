@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from links.endpoints import Endpoint, LinkError, open_endpoint
+from links.endpoints import Endpoint, LinkError, LinkOptions, open_endpoint
 from links.logs import TlogWriter
 from links.mavlink import Encoder
 
@@ -52,17 +52,17 @@ def test_udp_both_ways_and_counted():
         assert not server.ended
 
 
-def test_udp_answers_go_to_who_spoke_last():
+def test_udp_answers_go_to_everybody_who_spoke():
     with open_endpoint("udpin:127.0.0.1:0") as server:
         clients = [open_endpoint(f"udpout:127.0.0.1:{server.port}") for _ in range(2)]
         for client in clients:
             client.send(b"hello")
             assert wait_for(server, 5) == b"hello"
         server.send(b"you")
-        assert wait_for(clients[1], 3) == b"you"
-        assert clients[0].recv(0.0) == []
         for client in clients:
+            assert wait_for(client, 3) == b"you"
             client.close()
+        assert server.counters.sent == 2
 
 
 def test_many_datagrams_come_with_one_call_and_in_order():
@@ -116,9 +116,9 @@ def test_tcp_both_ways():
         assert wait_for(client, 4) == b"down"
 
 
-def test_tcp_connects_again_when_the_server_comes_back(free_port, monkeypatch):
-    monkeypatch.setattr("links.endpoints.tcp.RETRY_S", 0.02)
-    with open_endpoint(f"tcp:127.0.0.1:{free_port}") as client:
+def test_tcp_connects_again_when_the_server_comes_back(free_port):
+    quick = LinkOptions(retry_first_s=0.02, retry_longest_s=0.05)
+    with open_endpoint(f"tcp:127.0.0.1:{free_port}", options=quick) as client:
         client.send(b"lost")
         assert client.counters.dropped == 1
         for word in (b"first", b"second"):
@@ -133,43 +133,47 @@ def test_tcp_connects_again_when_the_server_comes_back(free_port, monkeypatch):
         assert client.counters.opened == 2
 
 
-def test_a_new_tcp_client_takes_the_place_of_the_last():
+def test_a_tcp_server_hears_and_answers_all_of_its_clients():
     with open_endpoint("tcpin:127.0.0.1:0") as server:
-        first = open_endpoint(f"tcp:127.0.0.1:{server.port}")
-        first.recv(0.05)
-        first.send(b"one")
-        assert wait_for(server, 3) == b"one"
-        second = open_endpoint(f"tcp:127.0.0.1:{server.port}")
-        second.recv(0.05)
-        second.send(b"two")
-        assert wait_for(server, 3) == b"two"
-        server.send(b"for two")
-        assert wait_for(second, 7) == b"for two"
-        first.close()
-        second.close()
+        clients = [open_endpoint(f"tcp:127.0.0.1:{server.port}") for _ in range(3)]
+        for k, client in enumerate(clients):
+            client.recv(0.2)
+            client.send(b"%d" % k)
+            assert wait_for(server, 1) == b"%d" % k
+        assert server.peers == 3
+        server.send(b"for all")
+        for client in clients:
+            assert wait_for(client, 7) == b"for all"
+        clients[0].close()
+        server.recv(0.1)
+        assert server.peers == 2
+        server.send(b"still here")
+        for client in clients[1:]:
+            assert wait_for(client, 10) == b"still here"
+            client.close()
 
 
-def test_a_slow_tcp_reader_costs_whole_messages(monkeypatch):
-    monkeypatch.setattr("links.endpoints.tcp.SEND_BACKLOG", 4096)
+def test_a_slow_tcp_reader_costs_the_oldest_messages_and_never_half_of_one():
     with (
-        open_endpoint("tcpin:127.0.0.1:0") as server,
+        open_endpoint("tcpin:127.0.0.1:0", options=LinkOptions(queue_bytes=4096)) as server,
         open_endpoint(f"tcp:127.0.0.1:{server.port}") as client,
     ):
         client.recv(0.1)
         server.recv(0.1)
-        message = b"m" * 999 + b"\n"
-        for _ in range(20_000):
-            server.send(message)
-            if server.counters.dropped > 10:
-                break
-        assert server.counters.dropped > 10
-        expected = server.counters.sent * 1000
+        count = 0
+        while server.counters.dropped < 100:
+            server.send(b"%06d" % count + b"m" * 993 + b"\n")
+            count += 1
         got = b""
         deadline_s = time.monotonic() + WAIT_S
-        while len(got) < expected and time.monotonic() < deadline_s:
+        while b"%06d" % (count - 1) not in got[-1000:] and time.monotonic() < deadline_s:
             got += b"".join(d for d, _ in client.recv(0.0))
-            server.recv(0.0)
-        assert got == message * server.counters.sent
+            server.tend(time.monotonic_ns() // 1000)
+        numbers = [int(line[:6]) for line in got.splitlines()]
+        assert {len(line) for line in got.splitlines()} == {999}
+        assert numbers == sorted(set(numbers))
+        assert numbers[-1] == count - 1  # the newest has come through, older ones have not
+        assert len(numbers) == server.counters.sent == count - server.counters.dropped
 
 
 def test_serial_port_both_ways():

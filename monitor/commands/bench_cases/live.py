@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from links.endpoints.udp import UdpEndpoint
+from links.endpoints import Endpoint, LinkOptions
+from links.endpoints.udp import UdpListener, UdpSpeaker
 from links.mavlink import Decoder, DecoderOptions, Encoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
@@ -98,8 +99,8 @@ def udp_roundtrip(trips: int = TRIPS) -> BenchCase:
     back.listen_to(there)
 
     def ours() -> None:
-        far = UdpEndpoint("far", "127.0.0.1", 0, listen=True)
-        near = UdpEndpoint("near", "127.0.0.1", far.port, listen=False)
+        far = UdpListener("far", "127.0.0.1", 0, LinkOptions())
+        near = UdpSpeaker("near", "127.0.0.1", far.port, LinkOptions())
         with far, near:
             for k in range(trips):
                 near.send(there.say(k, float(k)))
@@ -134,7 +135,7 @@ class _Voice:
             "NAMED_VALUE_FLOAT", time_boot_ms=t_ms, name="ECHO", value=value
         )
 
-    def hear(self, endpoint: UdpEndpoint) -> tuple[int, float]:
+    def hear(self, endpoint: Endpoint) -> tuple[int, float]:
         """Time [ms] and value of the next one."""
         while received := endpoint.recv(WAIT_S):
             for data, host_us in received:
