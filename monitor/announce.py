@@ -195,6 +195,11 @@ class Announcer:
         self._waiting: dict[str, Verdict] = {}
         self._said: dict[str, State] = {}
 
+    def retune(self, burst: int, interval_s: float) -> None:
+        """Take another pace; what was said and what waits is remembered."""
+        self._burst, self._interval_us = float(burst), interval_s * 1e6
+        self._tokens = min(self._tokens, self._burst)
+
     def note(self, verdict: Verdict) -> None:
         """Take a change of state; a newer one of the same sensor replaces one still waiting."""
         self._waiting.pop(verdict.sensor, None)

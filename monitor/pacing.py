@@ -18,6 +18,12 @@ class Every:
         self._period_us = period_us
         self._next_us: float | None = None
 
+    def retune(self, period_us: float) -> None:
+        """Another period, counted from the last time."""
+        if self._next_us is not None:
+            self._next_us += period_us - self._period_us
+        self._period_us = period_us
+
     def __call__(self, now_us: int) -> bool:
         if self._next_us is None:
             self._next_us = now_us + self._period_us

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators import flight_phase as fp
 from links.samples import Rows
+from monitor.retune import Retuned, blend
 from monitor.settings.phase import PhaseSettings
 from monitor.verdict import PHASE_ROW
 
@@ -33,18 +35,15 @@ class PhaseTracker:
     """
 
     def __init__(self, settings: PhaseSettings) -> None:
-        self._par = np.array(
-            [
-                settings.flying_speed_m_s,
-                settings.confirm_s * 1e6,
-                settings.takeoff_height_m,
-                settings.landing_height_m,
-                settings.standstill_speed_m_s,
-                settings.receiver_timeout_s * 1e6,
-                settings.join_s * 1e6,
-            ]
-        )
+        self._settings = settings
+        self._par = _params(settings)
         self._state = fp.initial_state()
+
+    def retune(self, settings: PhaseSettings) -> Retuned:
+        """Take new speeds, heights and times; whether it flies now is decided by the next rows."""
+        self._settings, done = blend(self._settings, settings)
+        self._par = _params(self._settings)
+        return done
 
     @property
     def flying(self) -> bool:
@@ -106,6 +105,21 @@ class PhaseTracker:
         out["t_us"] = events["t_us"][index[:count]]
         out["flying"] = (np.arange(count) % 2 == 0) != was
         return out
+
+
+def _params(s: PhaseSettings) -> NDArray[np.float64]:
+    """Parameters of :func:`estimators.flight_phase.track_phase`, (7,)."""
+    return np.array(
+        [
+            s.flying_speed_m_s,
+            s.confirm_s * 1e6,
+            s.takeoff_height_m,
+            s.landing_height_m,
+            s.standstill_speed_m_s,
+            s.receiver_timeout_s * 1e6,
+            s.join_s * 1e6,
+        ]
+    )
 
 
 def _events(rows: Rows, source: int) -> Rows:

@@ -14,8 +14,10 @@ import numpy as np
 
 from links.samples import Batch, Rows, quantity_of
 from links.vocabulary import Rejection, State
+from monitor.mute import Muting
 from monitor.ordering import Ordering
 from monitor.phase import PhaseTracker
+from monitor.retune import Retuned, blend, value_of, with_values
 from monitor.settings import Settings
 from monitor.streams import Change, Stream, Streams
 from monitor.verdict import StepResult, Tap, Verdict, Watch
@@ -47,6 +49,7 @@ class Pipeline:
         taps: Sequence[Tap] = (),
     ) -> None:
         streams = settings.streams
+        self._settings = settings
         self._ordering = Ordering(
             round(streams.horizon_s * 1e6),
             {"gps": round(streams.gps_latency_s * 1e6)},
@@ -58,6 +61,8 @@ class Pipeline:
         self._taps = taps
         self._judged: dict[str, Verdict] = {}
         self._states: dict[str, Verdict] = {}
+        self._muting = Muting(settings.mute.sensors)
+        self._unsaid: list[Verdict] = []
         self._boots: list[int] = []
         self.boots: list[int] = []
         self._link_rejected: Counter[tuple[str, Rejection]] = Counter()
@@ -68,13 +73,40 @@ class Pipeline:
         self._link_rejected.update(batch.rejected)
         self._boots += batch.boots
         released = self._ordering.feed(batch.rows)
-        return self._step(released, self._ordering.watermark_us)
+        return self._say(self._step(released, self._ordering.watermark_us))
 
     def finish(self) -> StepResult:
         """Use all that still waits behind the watermark: the stream has ended."""
         released = self._ordering.finish()
         last = [int(r["t_us"][-1]) + 1 for r in released.values() if len(r)]
-        return self._step(released, max([self.now_us, *last]))
+        return self._say(self._step(released, max([self.now_us, *last])))
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings without losing any state; sensors that they mute fall silent.
+
+        What follows is said with the next :meth:`feed` or :meth:`finish`.
+
+        Returns
+        -------
+        Retuned
+            Keys of the sections that the pipeline works by, other sections are not looked at.
+            Those that wait have their old values in :attr:`settings`.
+        """
+        done = sum((watch.retune(settings) for watch in self._watches), Retuned())
+        done += self._streams.retune(settings.streams).under("streams")
+        done += self._phase.retune(settings.phase).under("phase")
+        mute, muted = blend(self._settings.mute, settings.mute)
+        done += muted.under("mute")
+        self._unsaid += self._muting.mute(mute.sensors, self.now_us)
+        self._settings = with_values(
+            self._settings, {key: value_of(settings, key) for key in done.taken}
+        )
+        return done
+
+    @property
+    def settings(self) -> Settings:
+        """The settings in force."""
+        return self._settings
 
     @property
     def flying(self) -> bool:
@@ -92,8 +124,11 @@ class Pipeline:
         return self._streams.streams
 
     def states(self) -> Mapping[str, Verdict]:
-        """Each sensor's standing verdict; staleness counts before what the watch last said."""
-        return self._states
+        """Each sensor's standing verdict; staleness counts before what the watch last said.
+
+        A muted sensor is unmonitored whatever either says.
+        """
+        return self._muting.said
 
     def peaks(self) -> dict[str, float]:
         """Settings key -> largest value that the quantity held to it reached on this stream.
@@ -106,6 +141,12 @@ class Pipeline:
             for key, value in watch.peaks().items():
                 out[key] = max(out.get(key, value), value)
         return out
+
+    def _say(self, result: StepResult) -> StepResult:
+        """A step's result as an operator is to hear it."""
+        result.verdicts = [*self._unsaid, *self._muting.hear(result.verdicts)]
+        self._unsaid = []
+        return result
 
     def _step(self, released: dict[str, Rows], until_us: int) -> StepResult:
         if not released and until_us <= self.now_us:

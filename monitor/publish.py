@@ -20,6 +20,8 @@ from links.vocabulary import State
 from monitor.announce import Announcer
 from monitor.masks import FAULT, MONITORED, masks, stopped_engines
 from monitor.pacing import STOPPED, Every, OwnIntervals
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import StepResult
 
@@ -80,11 +82,26 @@ class Publisher:
         self._sent_faults: dict[str, int] = {}
         self._heartbeat = Every(HEARTBEAT_US)
         self._masks = Every(1e6 / settings.mask_rate_hz)
-        self._values = Every(1e6 / settings.value_rate_hz) if settings.value_rate_hz else None
+        self._values = Every(_value_period_us(settings))
         self._own = OwnIntervals()
         self._silent = True
         self._t_us: int | None = None
         self._text: Message | None = None
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new rates and choices, of [publish] alone; what was said and sent is remembered.
+
+        Returns
+        -------
+        Retuned
+            Dotted keys. Where messages go (``publish.to_input``) waits.
+        """
+        self._settings, done = blend(self._settings, settings.publish, ("to_input",))
+        s = self._settings
+        self._announcer.retune(s.text_burst, s.text_interval_s)
+        self._masks.retune(1e6 / s.mask_rate_hz)
+        self._values.retune(_value_period_us(s))
+        return done.under("publish")
 
     def note(self, result: StepResult) -> None:
         """Take what one step of the pipeline gave."""
@@ -120,7 +137,7 @@ class Publisher:
                 self._text = texts[-1] if texts else self._text
                 out += texts
             if not silent:
-                configured = self._values is not None and self._values(now_us)
+                configured = bool(self._settings.value_rate_hz) and self._values(now_us)
                 if configured or own:
                     out += self._reconstructed(t_us, configured, own)
         if self._heartbeat(now_us):
@@ -378,6 +395,11 @@ class Publisher:
     def states(self) -> Mapping[str, State]:
         """State of every sensor that a verdict was heard on."""
         return self._states
+
+
+def _value_period_us(settings: PublishSettings) -> float:
+    """Period of the values; some period where none are sent, so that they can begin."""
+    return 1e6 / (settings.value_rate_hz or 1.0)
 
 
 def _boot_ms(t_us: int) -> int:

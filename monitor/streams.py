@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from links.samples import Rows, quantity_of
+from monitor.retune import Retuned, blend
 from monitor.settings.streams import StreamSettings
 
 __all__ = ["Change", "Stream", "Streams"]
+
+ORDERED = ("horizon_s", "gps_latency_s", "pending_rows")
+"""Keys by which rows are put in order: changed in flight, they would let rows pass each other."""
 
 
 class Change(Enum):
@@ -52,15 +56,17 @@ class Streams:
     """
 
     def __init__(self, settings: StreamSettings) -> None:
-        self._timeouts = {
-            "imu": settings.imu_timeout_s,
-            "attitude": settings.attitude_timeout_s,
-            "gps": settings.gps_timeout_s,
-            "airspeed": settings.airspeed_timeout_s,
-            "aoa": settings.aoa_timeout_s,
-            "spool": settings.spool_timeout_s,
-        }
+        self._settings = settings
+        self._timeouts_us = _timeouts_us(settings)
         self.streams: dict[str, Stream] = {}
+
+    def retune(self, settings: StreamSettings) -> Retuned:
+        """Take new time-outs; a stream that has stopped stays so until its next row."""
+        self._settings, done = blend(self._settings, settings, ORDERED)
+        self._timeouts_us = _timeouts_us(self._settings)
+        for sensor, stream in self.streams.items():
+            stream.timeout_us = self._timeouts_us.get(quantity_of(sensor))
+        return done
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> list[tuple[int, str, Change]]:
         """Use released rows; return changes (t_us, sensor, change) in time order.
@@ -82,8 +88,7 @@ class Streams:
         t = rows["t_us"]
         stream = self.streams.get(sensor)
         if stream is None:
-            timeout_s = self._timeouts.get(quantity_of(sensor))
-            timeout_us = None if timeout_s is None else round(timeout_s * 1e6)
+            timeout_us = self._timeouts_us.get(quantity_of(sensor))
             stream = Stream(timeout_us, first_us=int(t[0]), last_us=int(t[0]))
             self.streams[sensor] = stream
             stream.blank = bool(_blank(sensor, rows[:1])[0])
@@ -107,6 +112,19 @@ class Streams:
         stream.stale = False
         stream.samples += len(t)
         stream.last_us = int(t[-1])
+
+
+def _timeouts_us(s: StreamSettings) -> dict[str, int]:
+    """Quantity -> silence after which it is stale [us]."""
+    timeouts_s = {
+        "imu": s.imu_timeout_s,
+        "attitude": s.attitude_timeout_s,
+        "gps": s.gps_timeout_s,
+        "airspeed": s.airspeed_timeout_s,
+        "aoa": s.aoa_timeout_s,
+        "spool": s.spool_timeout_s,
+    }
+    return {quantity: round(timeout_s * 1e6) for quantity, timeout_s in timeouts_s.items()}
 
 
 def _blank(sensor: str, rows: Rows) -> NDArray[np.bool_]:

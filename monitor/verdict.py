@@ -9,12 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from links.samples import Rows
 from links.vocabulary import Kind, Reason, State
+
+if TYPE_CHECKING:
+    from monitor.retune import Retuned
+    from monitor.settings import Settings
 
 __all__ = [
     "AIR_ESTIMATE",
@@ -300,6 +304,14 @@ class Watch(Protocol):
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows."""
+        ...
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings without losing state; keys that cannot be taken now are named.
+
+        The same settings change nothing, to the last bit. What is taken before the first row has
+        the same effect as having started with it.
+        """
         ...
 
     def peaks(self) -> dict[str, float]:

@@ -22,6 +22,7 @@ from monitor.settings.engine import EngineSettings
 from monitor.settings.imu import ImuSettings
 from monitor.settings.learnt import LearntSettings
 from monitor.settings.links import LinkSettings
+from monitor.settings.mute import MuteSettings
 from monitor.settings.phase import PhaseSettings
 from monitor.settings.publish import PublishSettings
 from monitor.settings.recorder import RecorderSettings
@@ -66,6 +67,7 @@ class Settings(Section):
     vane: VaneSettings = Field(default_factory=VaneSettings)
     engine: EngineSettings = Field(default_factory=EngineSettings)
     wing: WingSettings = Field(default_factory=WingSettings)
+    mute: MuteSettings = Field(default_factory=MuteSettings)
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
     security: SecuritySettings = Field(default_factory=SecuritySettings)

@@ -12,10 +12,12 @@ from collections.abc import Mapping
 from typing import Literal
 
 from links.samples import Rows, quantity_of
+from monitor.retune import Retuned
+from monitor.settings import Settings
 from monitor.settings.air import AirSettings
 from monitor.settings.triplex import TriplexSettings
 from monitor.settings.vane import VaneSettings
-from monitor.verdict import StepResult, Verdict, Watch
+from monitor.verdict import StepResult, Verdict
 from monitor.watch.air_bank import AirBankWatch
 from monitor.watch.air_triplex import AirTriplexWatch
 from monitor.watch.air_vane import AirVaneWatch
@@ -32,13 +34,18 @@ class AirWatch:
         self, air: AirSettings, triplex: TriplexSettings, vane: VaneSettings | None = None
     ) -> None:
         self._bank = AirBankWatch(air)
-        self._triplex: Watch = AirTriplexWatch(triplex)
+        self._triplex = AirTriplexWatch(triplex)
         self._vane = AirVaneWatch(vane or VaneSettings())
         self.quantities = self._bank.quantities | self._triplex.quantities
         self._method: Literal["auto", "bank", "triplex"] = air.method
-        self._chosen: Watch | None = None
+        self._chosen: AirBankWatch | AirTriplexWatch | None = None
         self._chosen_us = 0
         self._first_us: dict[str, int] = {}
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`); the choice stands."""
+        watches = (self._bank, self._triplex, self._vane)
+        return sum((watch.retune(settings) for watch in watches), Retuned())
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""

@@ -41,6 +41,8 @@ from estimators.air_peaks import (
     PEAK,
 )
 from links.samples import Rows
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.air import AirSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult
 from monitor.watch.air_bank_verdicts import verdict
@@ -48,6 +50,9 @@ from monitor.watch.air_horizon import Horizon, stage_levels
 from monitor.watch.air_tests import VaneTests, bank_tests
 
 __all__ = ["AirBankWatch", "params"]
+
+FIXED = ("method", "gust_prior_m_s", "gust_tau_s", "horizon.horizon_s", "horizon.stage_s")
+"""Settings that are in the state from its beginning, or that its arrays are made by."""
 
 N_PITOTS = 3
 DIFFERENTIAL_PRESSURE = 16
@@ -194,11 +199,19 @@ class AirBankWatch:
     quantities = frozenset({"attitude", "gps", "nav", "airspeed", "baro", "phase", "sys_status"})
 
     def __init__(self, settings: AirSettings) -> None:
+        self._settings = settings
         self._params = params(settings)
         self._state = new_state(self._params)
         self._horizon = Horizon(settings)
         self._tested = np.empty((0, N_ROW))
         self._epoch_us: int | None = None
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`)."""
+        self._settings, done = blend(self._settings, settings.air, FIXED)
+        self._params = params(self._settings)
+        self._horizon.retune(self._settings)
+        return done.under("air")
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""

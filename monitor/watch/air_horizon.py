@@ -64,6 +64,11 @@ class Horizon:
         self._solve_every = air.horizon.solve_stages
         self.memory = new_long_horizon(max(round(air.horizon.horizon_s / air.horizon.stage_s), 10))
 
+    def retune(self, air: AirSettings) -> None:
+        """Take a new model, bounds and margins; length and stages are those it was made with."""
+        self._levels = horizon_levels(air)
+        self._solve_every = air.horizon.solve_stages
+
     def tell(self, state: AirState, tests: NDArray[np.float64], n: int) -> int:
         """Put a verdict's evidence into the rows of tests, at its moment; return their number."""
         t = float(state.stages.memory[G_T])

@@ -28,6 +28,8 @@ from estimators.air_triplex_stream import (
 )
 from estimators.air_vote_record import LOG_SIZE, STAGE_S, VoteLimits
 from links.samples import Rows
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.triplex import TriplexSettings
 from monitor.verdict import AIR_ESTIMATE, StepResult
 from monitor.watch.air_tests import vote_tests
@@ -151,10 +153,17 @@ class AirTriplexWatch:
     quantities = frozenset({"attitude", "gps", "nav", "imu", "airspeed", "aoa", "baro", "phase"})
 
     def __init__(self, settings: TriplexSettings) -> None:
+        self._settings = settings
         self._params = params(settings)
         self._state = new_stream()
         self._epoch_us: int | None = None
         self._last_us = 0
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`)."""
+        self._settings, done = blend(self._settings, settings.triplex)
+        self._params = params(self._settings)
+        return done.under("triplex")
 
     def peaks(self) -> dict[str, float]:
         """No key of it is learnt: its thresholds are those of wan2016."""

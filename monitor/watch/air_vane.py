@@ -12,6 +12,8 @@ from estimators import air_vane as vane
 from estimators.air_vane import VaneLimits, new_vanes, run
 from links.samples import Rows
 from links.vocabulary import Kind, Reason, State
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.vane import VaneSettings
 from monitor.verdict import PHASE_ROW, Verdict
 from monitor.watch.air_tests import VaneTests
@@ -81,11 +83,18 @@ class AirVaneWatch:
 
     def __init__(self, settings: VaneSettings) -> None:
         self.tests = VaneTests()
+        self._settings = settings
         self._limits = limits(settings)
         self._state = new_vanes()
         self._epoch_us: int | None = None
         self._phase: Rows = np.zeros(0, PHASE_ROW)
         self._reference: list[tuple[int, Reason]] = []
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`)."""
+        self._settings, done = blend(self._settings, settings.vane)
+        self._limits = limits(self._settings)
+        return done.under("vane")
 
     def step(
         self, rows: Mapping[str, Rows], estimates: Rows | None, said: Sequence[Verdict]

@@ -11,6 +11,8 @@ from estimators import engine_state as es
 from estimators import engine_ticks as et
 from estimators.engine_judge import N_ENGINES, judge
 from links.samples import Rows
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.engine import EngineSettings
 from monitor.verdict import ENGINE_ESTIMATE, ENGINE_TESTS, StepResult
 from monitor.watch.engine_parts import Grid, Unit, groups, judge_rules, units
@@ -29,6 +31,21 @@ TESTS_S = 0.2
 N_RATIOS = et.N_CHANNELS + N_ENGINES
 
 
+FIXED = (
+    "model",
+    "channels",
+    "single_shaft",
+    "two_spool",
+    "throttle_channels",
+    "throttle_idle_us",
+    "throttle_full_us",
+    "tick_s",
+    "timing_s",
+    "memory_s",
+)
+"""Settings that the models, their filters and the grid of time are made by."""
+
+
 class EngineWatch:
     """Judges engine-speed channels, and says when an engine has stopped.
 
@@ -42,16 +59,25 @@ class EngineWatch:
     )
 
     def __init__(self, settings: EngineSettings) -> None:
+        self._settings = settings
         self._grid = Grid(settings)
         self._judge_rules = judge_rules(settings)
         self._groups = groups(settings)
         self._units = units(settings)
         self._judged = es.new_judged()
-        self._every = max(round(settings.emit_s / settings.tick_s), 1)
+        self._every = _steps(settings.emit_s, settings)
         self._log = np.empty((STEPS_AT_ONCE * es.MOST_SAID, es.N_LOG))
         self._closed = 0
-        self._tests_every = max(round(TESTS_S / settings.tick_s), 1)
+        self._tests_every = _steps(TESTS_S, settings)
         self._untold = np.empty((0, N_RATIOS))
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`)."""
+        self._settings, done = blend(self._settings, settings.engine, FIXED)
+        self._grid.retune(self._settings)
+        self._judge_rules = judge_rules(self._settings)
+        self._every = _steps(self._settings.emit_s, self._settings)
+        return done.under("engine")
 
     def peaks(self) -> dict[str, float]:
         """No key of it is learnt from peaks: its model is (``learn engine``)."""
@@ -151,3 +177,8 @@ class EngineWatch:
         out["throttle"] = table[:, et.X_THROTTLE]
         out["climb_power_m_s"] = 0.5 * (table[:, et.X_P] + table[:, et.X_PG])
         return out
+
+
+def _steps(interval_s: float, settings: EngineSettings) -> int:
+    """Steps of the grid in an interval, one at least."""
+    return max(round(interval_s / settings.tick_s), 1)

@@ -303,6 +303,10 @@ class Grid:
         self._begun = False
         self._last_s = 0.0
 
+    def retune(self, s: EngineSettings) -> None:
+        """Take another averaging time; the grid itself stands."""
+        self._rules = tick_rules(s)
+
     def steps(self, rows: Mapping[str, Rows]) -> tuple[Array, Array]:
         """Steps that these rows close: table and speeds of :func:`estimators.engine_ticks.gather`.
 

@@ -16,6 +16,8 @@ from estimators import ins_bank as bank
 from estimators.atmosphere import altitude_from_pressure
 from estimators.ins_bank_events import merge, within
 from links.samples import Rows, quantity_of
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.imu import ImuSettings
 from monitor.verdict import IMU_ESTIMATE, IMU_TESTS, StepResult
 from monitor.watch.imu_judge import Judge
@@ -25,6 +27,9 @@ __all__ = ["ImuWatch", "tuning_of"]
 TICK_S = 0.2
 INTEREST_SIGMA = 4.5
 """Windows louder than this are looked at; below every threshold that a verdict needs."""
+
+FIXED = ("window_s",)
+"""Settings that the filters' arrays are made by."""
 
 REPEATED_US = 5_000_000
 """A fix no newer than the newest is one sent again; this far behind, the receiver's clock was set
@@ -90,12 +95,20 @@ class ImuWatch:
     quantities = frozenset({"imu", "attitude", "gps", "nav", "baro"})
 
     def __init__(self, settings: ImuSettings) -> None:
+        self._settings = settings
         self._tuning = tuning_of(settings)
         self._bank = bank.make_bank(bank.MAX_IMUS, self._tuning)
         self._judge = Judge(settings, self._tuning, self._bank)
         self._gps: str | None = None
         self._fix_us = 0
         self._alive: set[str] = set()
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`)."""
+        self._settings, done = blend(self._settings, settings.imu, FIXED)
+        self._tuning = tuning_of(self._settings)
+        self._judge.retune(self._settings, self._tuning)
+        return done.under("imu")
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:
         """Use the newly released rows (see :class:`monitor.verdict.Watch`)."""

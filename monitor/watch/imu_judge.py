@@ -52,6 +52,12 @@ class Judge:
         self._contradicted_s = -math.inf
         self.busy = True
 
+    def retune(self, settings: ImuSettings, tuning: bank.Tuning) -> None:
+        """Take new limits, times and noise."""
+        self._learn_s = settings.learn_s
+        self._undecided_us = round(settings.undecided_s * US)
+        self._record.retune(settings, tuning)
+
     def decide(self) -> list[Verdict]:
         """Judge at the tick at which the bank stands."""
         r = self._record

@@ -94,6 +94,24 @@ class Pair:
         self.onset_s[k] = math.nan
 
 
+def _sizes(settings: ImuSettings) -> Array:
+    """Physical sizes below which nothing is a fault, (6,) [m/s^2, rad/s]."""
+    return np.array([settings.acc_size_m_s2] * 3 + [settings.gyro_size_rad_s] * 3)
+
+
+def _rules(settings: ImuSettings, tick_s: float) -> tuple[LatchRule, LatchRule]:
+    """Times of a fault on an axis, and of a difference between two IMUs."""
+    # A tick closes with the first sample after its edge: later now, sooner then.
+    jitter_s = JITTER * tick_s
+    confirm = round((settings.confirm_s - jitter_s) * US)
+    shortly = round((0.5 * settings.confirm_s - jitter_s) * US)
+    grace = round(GRACE_S * US)
+    return (
+        LatchRule(confirm, round(settings.clear_s * US), grace),
+        LatchRule(shortly, round(BRIEF_S * US), grace),
+    )
+
+
 class Record:
     """All axes and pairs, and the filters in which called faults are kept.
 
@@ -109,14 +127,8 @@ class Record:
         self.settings = settings
         self.tuning = tuning
         self.bank = filters
-        self.size = np.array([settings.acc_size_m_s2] * 3 + [settings.gyro_size_rad_s] * 3)
-        # A tick closes with the first sample after its edge: later now, sooner then.
-        jitter_s = JITTER * tuning.tick_s
-        confirm = round((settings.confirm_s - jitter_s) * US)
-        shortly = round((0.5 * settings.confirm_s - jitter_s) * US)
-        grace = round(GRACE_S * US)
-        rule = LatchRule(confirm, round(settings.clear_s * US), grace)
-        brief = LatchRule(shortly, round(BRIEF_S * US), grace)
+        self.size = _sizes(settings)
+        rule, brief = _rules(settings, tuning.tick_s)
         n = bank.MAX_IMUS
         self.units = [Unit([Axis(Latch(rule)) for _ in range(6)]) for _ in range(n)]
         self.pairs = {
@@ -124,6 +136,19 @@ class Record:
             for i in range(n)
             for j in range(i + 1, n)
         }
+
+    def retune(self, settings: ImuSettings, tuning: bank.Tuning) -> None:
+        """Take new limits, times and noise; what is called, suspected or learnt stays so."""
+        healthy = self.bank.qf == self.tuning.fault_density**2
+        self.bank.qf[healthy] = np.broadcast_to(tuning.fault_density**2, healthy.shape)[healthy]
+        self.settings, self.tuning, self.size = settings, tuning, _sizes(settings)
+        rule, brief = _rules(settings, tuning.tick_s)
+        for unit in self.units:
+            for axis in unit.axes:
+                axis.latch.rule = rule
+        for pair in self.pairs.values():
+            for latch in pair.latches:
+                latch.rule = brief
 
     @property
     def now_s(self) -> float:

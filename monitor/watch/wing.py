@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from estimators.wing_stream import WingRun, WingStream, WingTuning
 from links.samples import Rows
 from links.vocabulary import Reason
+from monitor.retune import Retuned, blend, differing
+from monitor.settings import Settings
 from monitor.settings.wing import WingSettings, airframe_of
 from monitor.verdict import WING_ESTIMATE, WING_TESTS, StepResult, Verdict
 from monitor.watch.wing_inputs import NEEDED, Ticks, WingInputs
@@ -22,6 +24,19 @@ Array = NDArray[np.float64]
 
 GROUND, SLOW, GOOD = -3, -2, -1
 """States of a tick; 0 and above: which of NEEDED is missing."""
+TAKEN = frozenset(
+    {
+        "lift_percent",
+        "drag_percent",
+        "lift_sigmas",
+        "drag_sigmas",
+        "confirm_s",
+        "clear_share",
+        "clear_s",
+        "least_airspeed_m_s",
+    }
+)
+"""Settings that can change in flight: what is asked of a verdict. The rest is the model."""
 PATIENCE_S = 2.0
 """A shorter lack of an input is no change of state."""
 
@@ -68,6 +83,16 @@ class WingWatch:
         self._phases: list[tuple[int, bool]] = []
         self._status = GROUND
         self._since_s = 0.0
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new settings (see :class:`monitor.verdict.Watch`).
+
+        The airframe and its model stand for as long as the watch does.
+        """
+        fixed = set(differing(self._settings, settings.wing)) - TAKEN
+        self._settings, done = blend(self._settings, settings.wing, fixed)
+        self._judge.retune(self._settings)
+        return done.under("wing")
 
     def peaks(self) -> dict[str, float]:
         """Settings key -> largest difference between healthy wings [%]."""

@@ -62,9 +62,7 @@ class WingJudge:
     ) -> None:
         s = settings
         self._learnt = learnt
-        self._limit = (s.lift_percent, s.drag_percent, s.lift_percent, s.drag_percent)
-        self._sigmas, self._confirm_s = (s.lift_sigmas, s.drag_sigmas), s.confirm_s
-        self._clear_share, self._clear_s = s.clear_share, s.clear_s
+        self.retune(s)
         self._misfit_limit = s.misfit_limit
         self._misfit_rows = tuple(
             ceil(asked_s / s.period_s) for asked_s in (s.misfit_after_s, s.misfit_until_s)
@@ -74,6 +72,13 @@ class WingJudge:
         self._reason: Reason | None = None
         self._tests: list[tuple[float, ...]] = []
         self.renew()
+
+    def retune(self, settings: WingSettings) -> None:
+        """Take other limits of a verdict; what is found, or being confirmed, goes on."""
+        s = settings
+        self._limit = (s.lift_percent, s.drag_percent, s.lift_percent, s.drag_percent)
+        self._sigmas, self._confirm_s = (s.lift_sigmas, s.drag_sigmas), s.confirm_s
+        self._clear_share, self._clear_s = s.clear_share, s.clear_s
 
     def renew(self) -> None:
         """A new flight: nothing is held against a wing."""
