@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from math import inf
 from typing import Any, NamedTuple, Protocol
 
 from links.mavlink.heard import Heard
@@ -209,8 +210,8 @@ def _params(fields: Mapping[str, Any]) -> tuple[float, ...]:
     """The seven parameters; COMMAND_INT calls the last three x, y, z."""
     names = ("x", "y", "z") if "x" in fields else ("param5", "param6", "param7")
     values = [float(fields[f"param{k}"]) for k in range(1, 5)]
-    # NaN is equal to nothing, itself included; a parameter that is not given is 0 or NaN
-    return tuple(v if v == v else 0.0 for v in values + [float(fields[n]) for n in names])
+    # NaN, a parameter that is not given, is equal to nothing: a repeated command would be another
+    return tuple(v if v == v else -inf for v in values + [float(fields[n]) for n in names])
 
 
 def _same(done: _Done, confirmation: int, now_us: int) -> bool:

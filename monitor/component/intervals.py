@@ -38,8 +38,8 @@ FALLS = 2
 RADIO_US = 10_000_000
 """A telemetry radio is there while its RADIO_STATUS is not older than this."""
 
-DEAF_US = 60_000_000
-"""After this time an autopilot that did not answer is asked once more."""
+DEAF_US, DEAF_MAX_US = 60_000_000, 960_000_000
+"""After this time an autopilot that did not answer is asked once more; it doubles each time."""
 
 _ARDUPILOT = 3
 _WARNING = 4
@@ -72,8 +72,6 @@ class _Request:
         The rate asked for [1/s].
     changed
         The autopilot has accepted another interval.
-    grouped
-        It was asked for with its group, by REQUEST_DATA_STREAM.
     reached_hz
         Rate that came of it [1/s].
     falls
@@ -86,7 +84,6 @@ class _Request:
     step: _Step = _Step.GET
     before_us: int | None = None
     changed: bool = False
-    grouped: bool = False
     reached_hz: float = 0.0
     falls: int = 0
 
@@ -142,7 +139,10 @@ class Intervals:
         self._asking = Asking()
         self._current: str | None = None
         self._requests: dict[str, _Request] = {}
+        self._groups: dict[int, float] = {}  # asked for by REQUEST_DATA_STREAM: rate before [1/s]
+        self._old = False
         self._deaf_us: int | None = None
+        self._deaf_for_us = DEAF_US // 2
         self._told = False
         self._radio_us: int | None = None
         self._measured = False
@@ -229,7 +229,7 @@ class Intervals:
         self._measured |= ended
         if self._radio_us is not None and now_us - self._radio_us > RADIO_US:
             self._radio_us = None
-        if self._deaf_us is not None and now_us - self._deaf_us > DEAF_US:
+        if self._deaf_us is not None and now_us - self._deaf_us > self._deaf_for_us:
             self._deaf_us = None
         if autopilot is None or self._identity.address is None:
             return []
@@ -254,13 +254,11 @@ class Intervals:
         for name, request in self._requests.items():
             hz = self._rates.hz.get(request.need.stream, 0.0)
             theirs = request.step is _Step.LEFT or hz > 1.5 * request.hz
-            if not request.changed or theirs:
-                continue
-            if request.grouped:
-                out.append(self._group(autopilot, request.need, request.before_hz))
-            else:
+            if request.changed and not theirs:
                 out.append(self._set(autopilot, name, request.restored_us).message(0))
+        out += [self._ask_group(autopilot, group, hz) for group, hz in self._groups.items()]
         self._requests.clear()
+        self._groups.clear()
         return out
 
     # ------------------------------------------------------------------ asking
@@ -280,6 +278,7 @@ class Intervals:
             self._booted = boots
             self._asking.drop()
             self._requests.clear()
+            self._groups.clear()
             self._rates.restart()
             self._current, self._deaf_us, self._measured = None, None, False
 
@@ -299,7 +298,9 @@ class Intervals:
                 continue
             comes_hz = self._rates.hz.get(need.stream, 0.0)
             if comes_hz < LOW * hz:
-                self._requests[name] = _Request(need, hz, comes_hz)
+                request = self._requests[name] = _Request(need, hz, comes_hz)
+                if self._old:
+                    return self._ask_old(autopilot, request)
                 return self._begin(name, self._get(autopilot, name), now_us)
         return []
 
@@ -317,11 +318,24 @@ class Intervals:
     def _command(self, autopilot: Autopilot, number: int, *params: float) -> Command:
         return Command(number, params, autopilot.system, autopilot.component, autopilot.link)
 
-    def _group(self, autopilot: Autopilot, need: Need, hz: float) -> Message:
+    def _ask_old(self, autopilot: Autopilot, request: _Request) -> list[Message]:
+        """Ask who knows no intervals for the group of a stream, at the rate of its fastest one."""
+        request.step, group = _Step.SETTLE, request.need.group
+        if group in self._groups:
+            return []
+        needs = [need for need in NEEDS.values() if need.group == group]
+        self._groups[group] = max(self._rates.hz.get(need.stream, 0.0) for need in needs)
+        self._rates.restart()
+        wanted_hz = max(
+            self._wanted_hz(need) for need in needs if need.fitted or need == request.need
+        )
+        return [self._ask_group(autopilot, group, wanted_hz)]
+
+    def _ask_group(self, autopilot: Autopilot, group: int, hz: float) -> Message:
         fields = {
             "target_system": autopilot.system,
             "target_component": autopilot.component,
-            "req_stream_id": need.group,
+            "req_stream_id": group,
             "req_message_rate": round(hz),
             "start_stop": int(round(hz) > 0),
         }
@@ -333,7 +347,7 @@ class Intervals:
         request = self._requests[self._current]
         self._current = None
         if answer.result is None:
-            self._deaf_us = now_us
+            self._deaf_us, self._deaf_for_us = now_us, min(2 * self._deaf_for_us, DEAF_MAX_US)
             return []
         if request.step is _Step.GET:
             there = request.before_us is not None and request.before_us > 0
@@ -350,10 +364,8 @@ class Intervals:
         ):
             request.hz /= 2
         elif answer.result == Result.UNSUPPORTED and autopilot.kind == _ARDUPILOT:
-            request.changed = request.grouped = True
-            request.step = _Step.SETTLE
-            self._rates.restart()
-            return [self._group(autopilot, request.need, request.hz)]
+            self._old = True
+            return self._ask_old(autopilot, request)
         else:
             request.step = _Step.REFUSED
         return []
