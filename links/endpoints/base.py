@@ -81,7 +81,8 @@ class LinkCounters:
     opened
         Connections made, the first included.
     refused
-        Datagrams of strangers that were thrown away unread, since there were too many of them.
+        Datagrams of strangers that were thrown away unread, since there were too many of them; in
+        a flood the system's count, which then has what it threw away for want of room in it too.
     overflowed
         Datagrams that the system threw away, since we did not read in time (Linux).
     """

@@ -53,49 +53,64 @@ class Peers:
             self._heard_us = {p: t for p, t in self._heard_us.items() if t >= oldest_us}
 
 
+class _Allowance:
+    """Datagrams that may come: a first lot, then so many a second.
+
+    Parameters
+    ----------
+    most
+        The first lot, and what is saved up in silence.
+    per_s
+        What comes back [1/s].
+    """
+
+    __slots__ = ("_at_us", "_left", "_most", "_per_us")
+
+    def __init__(self, most: float, per_s: float, now_us: int) -> None:
+        self._most, self._per_us = most, per_s * 1e-6
+        self._left, self._at_us = most, now_us
+
+    def take(self, now_us: int) -> bool:
+        """Whether one more may come."""
+        left = min(self._left + (now_us - self._at_us) * self._per_us, self._most)
+        self._at_us = now_us
+        self._left = left - 1.0 if left >= 1.0 else left
+        return left >= 1.0
+
+
 class Strangers:
-    """How much is read of who was never believed.
+    """How much is read of who was never believed, while there are peers whose work must go on.
 
     Attributes
     ----------
-    EACH, ALL
-        Datagrams in a period of one stranger, and of all of them together while there are peers
-        whose work must go on. A vehicle that comes back from another address is believed at its
-        first frame, hence within a few datagrams.
+    EACH, EACH_PER_S
+        Datagrams of one stranger: the first ones, and those of each second after that. A vehicle
+        that comes back from another address is believed at its first frame, hence long before.
+    ALL, ALL_PER_S
+        The same of all strangers together: a flood may come from very many addresses.
+    TABLE
+        Strangers that are told apart.
     """
 
-    PERIOD_US: Final = 10_000_000
-    EACH: Final = 2_000
-    ALL: Final = 20_000
+    EACH: Final = 1_000
+    EACH_PER_S: Final = 200
+    ALL: Final = 2_000
+    ALL_PER_S: Final = 2_000
     TABLE: Final = 1_024
 
     def __init__(self) -> None:
-        self._counts: dict[Hashable, int] = {}
-        self._all = 0
-        self._until_us = 0
+        self._each: dict[Hashable, _Allowance] = {}
+        self._all = _Allowance(self.ALL, self.ALL_PER_S, 0)
 
-    def lets(self, peer: Hashable, now_us: int, protect: bool) -> bool:
-        """Whether this datagram of a stranger is looked at.
-
-        Parameters
-        ----------
-        protect
-            There are peers.
-        """
-        if now_us >= self._until_us:
-            self._until_us = now_us + self.PERIOD_US
-            self._counts.clear()
-            self._all = 0
-        self._all += 1
-        if protect and self._all > self.ALL:
-            return False
-        count = self._counts.get(peer, 0)
-        if count >= self.EACH:
-            return False
-        if count or len(self._counts) < self.TABLE:
-            self._counts[peer] = count + 1
-        return True
+    def lets(self, peer: Hashable, now_us: int) -> bool:
+        """Whether this datagram of a stranger is looked at."""
+        own = self._each.get(peer)
+        if own is None:
+            if len(self._each) >= self.TABLE:
+                self._each.clear()  # what they may send all together bounds it
+            own = self._each[peer] = _Allowance(self.EACH, self.EACH_PER_S, now_us)
+        return own.take(now_us) and self._all.take(now_us)
 
     def pardon(self, peer: Hashable) -> None:
-        """Make a stranger a peer: what it sent does not count against the others."""
-        self._all -= self._counts.pop(peer, 0)
+        """Make a stranger a peer."""
+        self._each.pop(peer, None)

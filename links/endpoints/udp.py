@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import socket
 import struct
+from abc import abstractmethod
 from collections.abc import Hashable
 from contextlib import suppress
 from typing import Any
@@ -17,6 +18,7 @@ from links.endpoints.base import (
     plain,
     resolve,
 )
+from links.endpoints.flood_guard import FloodGuard
 from links.endpoints.opening import Opener
 from links.endpoints.peers import Peers, Strangers
 
@@ -43,7 +45,7 @@ class _Udp(Link):
         self._host, self._asked_port = host, port
         self._options = options
         self._socket: socket.socket | None = None
-        self._lost_before = 0
+        self._thrown_away = 0
         self._looked_us = 0
         self._opener = Opener(name, self._make, socket.socket.close, options)
         self._stands(self._opener.first())
@@ -69,15 +71,21 @@ class _Udp(Link):
             self._stands(made)
         if self._socket is not None and now_us - self._looked_us >= LOOK_AFTER_US:
             self._looked_us = now_us
-            self.counters.overflowed = self._lost_before + _thrown_away(self._socket)
+            thrown_away = _thrown_away(self._socket)
+            self._count_thrown_away(thrown_away - self._thrown_away)
+            self._thrown_away = thrown_away
         self.trouble = self._opener.trouble
 
     def close(self) -> None:
         self._opener.close()
         self._drop()
 
+    def _count_thrown_away(self, count: int) -> None:
+        self.counters.overflowed += count
+
+    @abstractmethod
     def _make(self) -> socket.socket:
-        raise NotImplementedError
+        """Open the socket; may take long."""
 
     def _stands(self, made: socket.socket | None) -> None:
         self._socket = made
@@ -91,7 +99,7 @@ class _Udp(Link):
 
     def _drop(self) -> None:
         if self._socket is not None:
-            self._lost_before = self.counters.overflowed
+            self._thrown_away = 0
             self._socket.close()
             self._socket = None
 
@@ -108,6 +116,8 @@ class UdpListener(_Udp):
     def __init__(self, name: str, host: str, port: int, options: LinkOptions) -> None:
         self._peers = Peers(options.peer_timeout_s)
         self._strangers = Strangers()
+        self._strange = 0
+        self._guard = FloodGuard()
         super().__init__(name, "udpin", host, port, options)
 
     @property
@@ -119,6 +129,7 @@ class UdpListener(_Udp):
         if self._socket is None:
             return out
         receive, peers = self._socket.recvfrom, self._peers
+        protect = len(peers) > 0
         arrived_us = now_us()
         for _ in range(limit):
             try:
@@ -133,21 +144,30 @@ class UdpListener(_Udp):
                 break
             if not data:
                 continue
-            if peer not in peers and not self._strangers.lets(peer, arrived_us, len(peers) > 0):
-                self.counters.refused += 1
-                continue
+            if protect and peer not in peers:
+                self._strange += 1
+                if not self._strangers.lets(peer, arrived_us):
+                    self.counters.refused += 1
+                    continue
             arrived_us = now_us()
             self._received(data, arrived_us)
             out.append(Taken(data, arrived_us, peer))
         return out
 
     def accepted(self, peer: Hashable, now_us: int) -> None:
+        known = peer in self._peers
         self._peers.heard(peer, now_us)
-        self._strangers.pardon(peer)
+        if not known:
+            self._strangers.pardon(peer)
+            if self._socket is not None:
+                self._guard.renew(self._socket, self._peers)
 
     def tend(self, now_us: int) -> None:
         super().tend(now_us)
         self._peers.forget_silent(now_us)
+        if self._socket is not None:
+            refused = self.counters.refused
+            self._guard.tend(self._socket, self._peers, self._strange, refused, now_us)
 
     def send(self, data: bytes) -> None:
         if self._socket is None or not self._peers:
@@ -160,6 +180,16 @@ class UdpListener(_Udp):
                 self.counters.dropped += 1
             else:
                 self._sent(len(data))
+
+    def _count_thrown_away(self, count: int) -> None:
+        if self._guard.on:  # what the guard has thrown away counts among them
+            self.counters.refused += count
+        else:
+            self.counters.overflowed += count
+
+    def _drop(self) -> None:
+        super()._drop()
+        self._guard.reset()
 
     def _make(self) -> socket.socket:
         family, address = resolve(self.name, self._host, self._asked_port, socket.SOCK_DGRAM)
