@@ -39,6 +39,7 @@ __all__ = [
     "LinkError",
     "LinkOptions",
     "LinkState",
+    "check_spec",
     "open_endpoint",
 ]
 
@@ -87,24 +88,46 @@ def open_endpoint(
         When the string says no link, or that link cannot be opened.
     """
     how = options or LinkOptions()
+    kind, place, number = _read(spec)
+    match kind:
+        case "udpin":
+            return UdpListener(spec, place, number, how)
+        case "udpout":
+            return UdpSpeaker(spec, place, number, how)
+        case "tcpin":
+            return TcpServer(spec, place, number, how)
+        case "tcp":
+            return TcpClient(spec, place, number, how)
+        case "serial":
+            return SerialEndpoint(spec, place, number, how)
+    path = Path(place)
+    return LogWriterEndpoint(spec, path) if write else LogEndpoint(spec, path, dialect)
+
+
+def check_spec(spec: str) -> str:
+    """Kind of link that a connection string says, without opening it.
+
+    Raises
+    ------
+    LinkError
+        It says none.
+    """
+    return _read(spec)[0]
+
+
+def _read(spec: str) -> tuple[str, str, int]:
+    """Kind; host, device or file; port or baud rate."""
     if network := _NETWORK.fullmatch(spec):
         kind, rest = network.groups()
         address = _HOST_PORT.fullmatch(rest)
         if address is None or not 0 <= int(address[3]) <= 65535:
             raise LinkError(f"{spec} is not of the form {kind}:HOST:PORT")
-        host, port = address[1] or address[2], int(address[3])
-        if kind == "udpout":
-            return UdpSpeaker(spec, host, port, how)
-        if kind in ("udpin", "udp"):
-            return UdpListener(spec, host, port, how)
-        if kind == "tcpin":
-            return TcpServer(spec, host, port, how)
-        return TcpClient(spec, host, port, how)
-    if port_name := _SERIAL.fullmatch(spec.removeprefix("serial:")):
-        return SerialEndpoint(spec, port_name[1], int(port_name[2] or DEFAULT_BAUD), how)
+        kind = "udpin" if kind == "udp" else kind
+        return kind, address[1] or address[2], int(address[3])
+    if port := _SERIAL.fullmatch(spec.removeprefix("serial:")):
+        return "serial", port[1], int(port[2] or DEFAULT_BAUD)
     if spec.lower().endswith(".tlog"):
-        path = Path(spec.removeprefix("file:"))
-        return LogWriterEndpoint(spec, path) if write else LogEndpoint(spec, path, dialect)
+        return "file", spec.removeprefix("file:"), 0
     raise LinkError(
         f"{spec!r} is not a link: give udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, "
         "tcpin:HOST:PORT, /dev/ttyX[:BAUD] or FILE.tlog"

@@ -109,7 +109,8 @@ class LinkOptions:
         Wait after the first failure to open, and the longest one; each is twice the last, give or
         take a quarter.
     watchdog_s
-        A connection or port on which nothing is heard for this time is opened anew; 0 never.
+        A connection or port that was heard and is not for this time is opened anew; 0 never. One
+        that never brought anything is left alone: it is an output.
     peer_timeout_s
         Silence after which a peer of a listening link is no longer answered, if another one is.
     queue_bytes

@@ -114,7 +114,7 @@ class SerialEndpoint(Link):
             self._flush()
         if self._port is not None:
             silent_us = now_us - self._since_us
-            if 0 < self._watchdog_us < silent_us:
+            if self.heard_us is not None and 0 < self._watchdog_us < silent_us:
                 self._lose(f"{self.name} is silent for {silent_us / 1e6:.0f} s")
             elif now_us - self._looked_us >= LOOK_AFTER_US:
                 self._looked_us = now_us

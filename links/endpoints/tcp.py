@@ -133,7 +133,7 @@ class TcpClient(Link):
         if self._stream is not None:
             self._stream.flush()
             silent_s = (now_us - self._since_us) / 1e6
-            if 0 < self._options.watchdog_s < silent_s:
+            if self.heard_us is not None and 0 < self._options.watchdog_s < silent_s:
                 self._lose(f"{self.name} is silent for {silent_s:.0f} s")
         self.trouble = self._opener.trouble
 

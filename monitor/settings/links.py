@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from links import catalog_dataflash, catalog_ulog, dataflash_columns
 from links.catalog import MAX_INSTANCES, RANKING, SOURCES
+from links.endpoints import LinkOptions, check_spec
 from links.mavlink import DecoderOptions
 from links.spool_sources import spool_source
 from monitor.settings.base import Section
@@ -72,8 +73,52 @@ class SpoolSource(Section):
 
 
 class LinkSettings(Section):
-    """The vehicle, our own place in its network, and how the loop reads."""
+    """The links, the vehicle, our own place in its network, and how the loop reads."""
 
+    inputs: tuple[str, ...] = Field(
+        ("udpin:0.0.0.0:14550",),
+        min_length=1,
+        description="Links that the vehicle's MAVLink comes from, unless --in names others: "
+        "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT, a serial device as "
+        "/dev/serial/by-id/NAME[:BAUD] (also a pattern), or FILE.tlog.",
+    )
+    outputs: tuple[str, ...] = Field(
+        (),
+        description="Links that are published to beside the inputs, unless --out names others; "
+        "FILE.tlog makes a new log.",
+    )
+    retry_first_s: float = Field(
+        0.5,
+        ge=0.05,
+        le=60,
+        description="Wait after a link was lost or could not be opened; it doubles with each "
+        "failure, give or take a quarter.",
+    )
+    retry_longest_s: float = Field(
+        10.0, ge=0.05, le=600, description="Longest of these waits between attempts."
+    )
+    watchdog_s: float = Field(
+        10.0,
+        ge=0,
+        le=3600,
+        description="A TCP connection of ours or a serial port that brings nothing for this time "
+        "is opened anew, and the name of a UDP peer asked for again; 0 never. A link that has "
+        "never brought anything is an output and left alone.",
+    )
+    peer_timeout_s: float = Field(
+        10.0,
+        gt=0,
+        le=3600,
+        description="Silence after which a peer of a listening UDP link is no longer answered; the "
+        "one heard last is answered until another one is believed.",
+    )
+    send_queue_kib: float = Field(
+        64.0,
+        ge=1,
+        le=16384,
+        description="What may wait for a slow TCP peer or serial port; the oldest messages are "
+        "dropped for newer ones, of a serial port already those that need more than a second.",
+    )
     dialect: str = Field(
         "ardupilotmega",
         pattern=r"^[A-Za-z0-9_]+$",
@@ -135,12 +180,31 @@ class LinkSettings(Section):
     )
 
     @model_validator(mode="after")
+    def _links(self) -> Self:
+        for spec in (*self.inputs, *self.outputs):
+            check_spec(spec)
+        if self.retry_longest_s < self.retry_first_s:
+            raise ValueError("retry_longest_s is shorter than retry_first_s")
+        return self
+
+    @model_validator(mode="after")
     def _spools(self) -> Self:
         for sensor, spool in self.spools.items():
             if sensor not in _SPOOLS:
                 raise ValueError(f"{sensor} is no engine-speed channel; they are spool0 to spool15")
             spool_source(sensor, spool.source)
         return self
+
+    def link_options(self) -> LinkOptions:
+        """The part that links are kept open by; what may mend by itself is waited for."""
+        return LinkOptions(
+            patient=True,
+            retry_first_s=self.retry_first_s,
+            retry_longest_s=self.retry_longest_s,
+            watchdog_s=self.watchdog_s,
+            peer_timeout_s=self.peer_timeout_s,
+            queue_bytes=round(self.send_queue_kib * 1024),
+        )
 
     def decoder_options(self) -> DecoderOptions:
         """The part that the decoder takes."""
