@@ -3,13 +3,14 @@
 A STATUSTEXT has fifty characters and a ground station shows (and speaks) every one, so a change
 that a pilot cannot use is not announced (suspicion of one sensor, learning), and changes that come
 faster than the rate allows are folded: one text names several sensors, and of one sensor only the
-newest state.
+newest state. A sensor that goes back and forth is said a few times a minute at most, then with how
+often it changed: ``airspeed0 FAULTY: 3.1 m/s low (x7)``.
 """
 
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import degrees, isfinite
@@ -22,6 +23,9 @@ __all__ = ["TEXT_MAX", "Announcer", "Text", "size_phrase", "understood", "wordin
 
 TEXT_MAX = 50
 """Characters of a STATUSTEXT that every ground station shows."""
+
+TOGGLES, TOGGLES_US = 4, 60_000_000
+"""Texts on one sensor within this host time after which its changes are held back and counted."""
 
 _SEVERITY = {
     State.FAULTY: 2,
@@ -56,6 +60,7 @@ class Text:
 
 
 _ENGINE = re.compile(r"engine\d+")
+_TIMES = re.compile(r" \(x\d+\)$")
 
 _BY_KIND = frozenset({Kind.STUCK, Kind.NOISE, Kind.OSCILLATION, Kind.DROPOUT})
 """Kinds of which the size at one moment says little."""
@@ -146,7 +151,7 @@ def understood(text: str) -> dict[str, State]:
 
     Of a text that is none of ours nothing is understood; words that name no sensor are passed over.
     """
-    head, colon, rest = text.partition(":")
+    head, colon, rest = _TIMES.sub("", text).partition(":")
     if colon and head in _HEADS:
         return dict.fromkeys(_sensors(rest.split()), _HEADS[head])
     word, _, said = head.partition(" ")
@@ -194,6 +199,8 @@ class Announcer:
         self._refilled_us: int | None = None
         self._waiting: dict[str, Verdict] = {}
         self._said: dict[str, State] = {}
+        self._said_us: dict[str, deque[int]] = {}
+        self._held: Counter[str] = Counter()
 
     def retune(self, burst: int, interval_s: float) -> None:
         """Take another pace; what was said and what waits is remembered."""
@@ -203,6 +210,8 @@ class Announcer:
     def note(self, verdict: Verdict) -> None:
         """Take a change of state; a newer one of the same sensor replaces one still waiting."""
         self._waiting.pop(verdict.sensor, None)
+        if verdict.sensor in self._held:
+            self._held[verdict.sensor] += verdict.state in _ALARMS or verdict.state is State.OK
         if self._worth_saying(verdict):
             self._waiting[verdict.sensor] = verdict
 
@@ -213,10 +222,23 @@ class Announcer:
             self._tokens = min(self._burst, self._tokens + max(0.0, gained))
         self._refilled_us = now_us
         texts = []
-        while self._waiting and self._tokens >= 1.0:
-            texts.append(self._next(t_us))
+        while self._tokens >= 1.0 and (ready := self._ready(now_us)):
+            texts.append(self._next(ready, now_us, t_us))
             self._tokens -= 1.0
         return texts
+
+    def _ready(self, now_us: int) -> dict[str, Verdict]:
+        """What waits but for sensors that were said too often of late; those are held back."""
+        ready = {}
+        for sensor, verdict in self._waiting.items():
+            said_us = self._said_us.get(sensor)
+            often = said_us is not None and len(said_us) == TOGGLES
+            if said_us is not None and often and now_us - said_us[0] < TOGGLES_US:
+                if sensor not in self._held:
+                    self._held[sensor] = 1
+            else:
+                ready[sensor] = verdict
+        return ready
 
     def _worth_saying(self, verdict: Verdict) -> bool:
         """An alarm, its end, and the first time that a sensor is being watched."""
@@ -229,21 +251,31 @@ class Announcer:
             return said is None or said is not State.OK
         return said in _ALARMS
 
-    def _next(self, t_us: int) -> Text:
-        """Text on the gravest waiting state: a fault alone in full, equal states folded."""
-        gravest = min(self._waiting.values(), key=lambda v: _SEVERITY.get(v.state, 6))
+    def _next(self, ready: dict[str, Verdict], now_us: int, t_us: int) -> Text:
+        """Text on the gravest state that is ready: a fault alone in full, equal states folded."""
+        gravest = min(ready.values(), key=lambda v: _SEVERITY.get(v.state, 6))
         state = gravest.state
-        same = [s for s, v in self._waiting.items() if v.state is state]
+        same = [s for s, v in ready.items() if v.state is state]
         # While the tokens suffice each fault is said in full: its size is worth a text.
-        if state is State.FAULTY and len(self._waiting) <= self._tokens:
+        if state is State.FAULTY and len(ready) <= self._tokens:
             same = [gravest.sensor]
         if state is State.SUSPECT:
             text = _disagreement(same)
         elif len(same) == 1:
-            text = wording(self._waiting[same[0]], t_us)
+            text = wording(ready[same[0]], t_us)
         else:
             text = _folded(state, sorted(same))
+        times = max(self._held.pop(sensor, 1) for sensor in same)
         for sensor in same:
             del self._waiting[sensor]
             self._said[sensor] = state
-        return Text(_SEVERITY.get(state, 6), text)
+            self._said_us.setdefault(sensor, deque(maxlen=TOGGLES)).append(now_us)
+        return Text(_SEVERITY.get(state, 6), _with_times(text, times))
+
+
+def _with_times(text: str, times: int) -> str:
+    """The text with how often its sensor changed since it was last said, if it did so often."""
+    if times == 1:
+        return text
+    end = f" (x{times})"
+    return text[: TEXT_MAX - len(end)].rstrip() + end

@@ -186,3 +186,43 @@ def test_an_imu_that_is_watched_on_all_axes_is_said_in_one_word():
     for sensor in ["airspeed0", *(f"imu1.{a}" for a in GYRO_ACC_AXES), "imu0.gyro_x"]:
         announcer.note(Verdict(0, sensor, State.OK))
     assert [t.text for t in announcer.due(0, 0)] == ["ok: airspeed0 imu0.gyro_x imu1"]
+
+
+def test_a_sensor_that_goes_back_and_forth_does_not_flood():
+    announcer = Announcer(burst=4, interval_s=2.0)
+    said = []
+    for k in range(1200):  # ten minutes, a change every five seconds
+        if k % 10 == 0:
+            sound = k % 20 != 0
+            announcer.note(
+                Verdict(k * S // 2, "airspeed0", State.OK)
+                if sound
+                else faulty("airspeed0", -3.1, "m/s")
+            )
+        if k == 305:  # another sensor is said at once all the same
+            announcer.note(faulty("imu0.acc_x", 1.5, "m/s^2"))
+        said += [(k / 2, t.text) for t in announcer.due(k * S // 2, k * S // 2)]
+    of_pitot = [(t, text) for t, text in said if text.startswith("airspeed0")]
+    assert [t for t, _ in of_pitot[:4]] == [0, 5, 10, 15]
+    minutes = [[t for t, _ in of_pitot if m * 60 <= t < m * 60 + 60] for m in range(10)]
+    assert max(map(len, minutes)) <= 4
+    assert any("(x" in text for _, text in of_pitot)
+    assert all(understood(text).keys() == {"airspeed0"} for _, text in of_pitot)
+    assert (152.5, "imu0.acc_x FAULTY: 1.5 m/s^2 high") in said
+    assert of_pitot[-1][1].startswith(("airspeed0 ok", "airspeed0 FAULTY"))
+
+
+def test_the_last_state_of_a_sensor_that_toggled_is_said_in_the_end():
+    announcer = Announcer(burst=4, interval_s=2.0)
+    said = []
+    for k in range(7):
+        announcer.note(
+            Verdict(k * S, "airspeed0", State.OK) if k % 2 else faulty("airspeed0", -3.1, "m/s")
+        )
+        said += announcer.due(k * S, k * S)
+    assert len(said) == 4
+    for k in range(7, 90):
+        said += announcer.due(k * S, k * S)
+    assert [t.text for t in said[3:]] == ["airspeed0 ok", "airspeed0 FAULTY: 3.1 m/s low (x3)"]
+    announcer.note(Verdict(90 * S, "airspeed0", State.OK))
+    assert [t.text for t in announcer.due(90 * S, 90 * S)] == ["airspeed0 ok"]
