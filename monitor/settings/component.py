@@ -1,6 +1,6 @@
 """How the daemon behaves as a component among others."""
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, NonNegativeFloat, model_validator
 
@@ -55,6 +55,26 @@ class ComponentSettings(Section):
         le=1000,
         description="Most commands, pings and TIMESYNC answered in a second; what exceeds it is "
         "dropped.",
+    )
+
+    parameters: Literal["write", "read", "off"] = Field(
+        "write",
+        description="Parameters over MAVLink: whether a ground station may change them, read them, "
+        "or finds none. Who is heard at all is settled by [security].",
+    )
+    parameter_encoding: Literal["auto", "c-cast", "bytewise"] = Field(
+        "auto",
+        description="How PARAM_VALUE and PARAM_SET carry whole numbers: cast to a float as "
+        "ArduPilot does, or their bytes as PX4 does. auto: as the vehicle's autopilot does, since "
+        "ground stations go by that.",
+    )
+    parameter_hz: float = Field(
+        50.0, gt=0, le=1000, description="Most PARAM_VALUE sent in a second, over all links."
+    )
+    parameter_file: str = Field(
+        "",
+        description="File that keeps parameters which were set over MAVLink; empty: "
+        "parameters.json in the state folder.",
     )
 
     @model_validator(mode="after")
