@@ -20,8 +20,8 @@ from monitor.settings.component import ComponentSettings
 
 __all__ = ["Autopilot", "Identity"]
 
-SENT_KEPT = 2048
-"""Sent frames that are remembered to know their echo by: half a minute of the usual traffic."""
+SENT_KEPT = 4096
+"""Sent frames that are remembered to know their echo by: half a minute on four links."""
 
 PEERS_KEPT = 512
 """Senders remembered; a network has a few dozen, a hostile one is bounded."""

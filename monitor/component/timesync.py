@@ -25,6 +25,8 @@ from monitor.settings.component import ComponentSettings
 
 __all__ = ["Offset", "TimeSync"]
 
+_V2, _TARGET = 0xFD, 10 + 16
+
 OUTSTANDING = 8
 """Requests that an answer is still taken to."""
 
@@ -165,9 +167,8 @@ class TimeSync:
         if address is None:
             return []
         stamp_ns = int(heard.fields["ts1"])
-        # newer dialects name who is asked; pymavlink's have no such fields yet
-        asked = [int(heard.fields.get(f"target_{who}", 0)) for who in ("system", "component")]
-        if not self._identity.addressed(asked[0], asked[1]):
+        asked = _target(heard)
+        if not self._identity.addressed(*asked):
             return []
         if autopilot is not None and heard.system == autopilot.system and not all(asked):
             if heard.component != autopilot.component:
@@ -195,3 +196,16 @@ class TimeSync:
             "target_component": heard.component,
         }
         return [Message("PING", back, heard.link)]
+
+
+def _target(heard: Heard) -> tuple[int, int]:
+    """Who a TIMESYNC is for; 0 for all.
+
+    The fields are an extension that pymavlink's dialects lack: they are the payload's bytes after
+    tc1 and ts1.
+    """
+    frame = heard.frame
+    if len(frame) < _TARGET or frame[0] != _V2:
+        return 0, 0
+    target = frame[_TARGET : 10 + frame[1]].ljust(2, b"\0")
+    return target[0], target[1]

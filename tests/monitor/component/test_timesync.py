@@ -119,10 +119,23 @@ def test_a_companion_that_means_the_autopilot_is_left_to_it():
     assert Net().heard("TIMESYNC", {"tc1": 0, "ts1": 77}, 1, 240) == []
 
 
-def test_one_that_names_us_is_answered():
-    fields = {"tc1": 0, "ts1": 77, "target_system": 1, "target_component": 191}
-    assert len(Net().heard("TIMESYNC", fields, 1, 240)) == 1
-    assert Net().heard("TIMESYNC", fields | {"target_component": 1}, 255, 190) == []
+@pytest.mark.parametrize(
+    ("target", "sender", "answers"),
+    [
+        ((1, 191), (1, 240), 1),
+        ((1, 191), (255, 190), 1),
+        ((1, 1), (255, 190), 0),
+        ((1, 1), (1, 240), 0),
+        ((0, 0), (255, 190), 1),
+        ((1, 0), (255, 190), 1),
+    ],
+)
+def test_a_question_with_a_target_is_answered_by_who_is_meant(target, sender, answers):
+    payload = bytes(8) + b"\x4d" + bytes(7) + bytes(target)
+    payload = payload.rstrip(b"\0")
+    head = bytes([0xFD, len(payload), 0, 0, 9, *sender, 111, 0, 0])
+    heard = Heard("TIMESYNC", *sender, 2, {"tc1": 0, "ts1": 77}, 0, False, head + payload + b"xx")
+    assert len(Net().sync.hear(heard, 0)) == answers
 
 
 def test_where_another_answers_the_autopilot_we_are_silent_for_as_long():
