@@ -12,7 +12,6 @@ from __future__ import annotations
 import glob
 import os
 import select
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -55,7 +54,7 @@ class SerialEndpoint(Link):
             raise LinkError(
                 f"{name} is a serial port, which needs the extra: pip install 'mavsentry[serial]'"
             ) from None
-        self._url: Callable[..., Any] = serial.serial_for_url
+        self._serial: Any = serial
         self._device, self._baud = device, baud
         self._watchdog_us = round(options.watchdog_s * 1e6)
         # What would take longer than a second to leave is worth less than what is newer.
@@ -191,7 +190,9 @@ class SerialEndpoint(Link):
                     raise LinkError(f"cannot open {self.name}: no device fits", may_mend=True)
                 device = found[0]
         try:
-            return self._url(device, baudrate=self._baud, timeout=0, write_timeout=0, **more)
+            return self._serial.serial_for_url(
+                device, baudrate=self._baud, timeout=0, write_timeout=0, **more
+            )
         except (OSError, ValueError) as error:  # SerialException is an OSError
             denied = isinstance(error, PermissionError) or getattr(error, "errno", 0) == 13
             raise plain(self.name, error, PERMISSION if denied else "") from None

@@ -1,7 +1,6 @@
 """Connection strings over loopback, pseudo-terminals and files."""
 
 import builtins
-import os
 import socket
 import time
 
@@ -11,16 +10,7 @@ from links.endpoints import Endpoint, LinkError, LinkOptions, open_endpoint
 from links.logs import TlogWriter
 from links.mavlink import Encoder
 
-WAIT_S = 5.0
-
-
-def wait_for(link, wanted):
-    """Bytes received until there are ``wanted`` of them."""
-    got = b""
-    deadline_s = time.monotonic() + WAIT_S
-    while len(got) < wanted and time.monotonic() < deadline_s:
-        got += b"".join(data for data, _ in link.recv(0.05))
-    return got
+from .waiting import WAIT_S, wait_for
 
 
 @pytest.fixture
@@ -174,33 +164,6 @@ def test_a_slow_tcp_reader_costs_the_oldest_messages_and_never_half_of_one():
         assert numbers == sorted(set(numbers))
         assert numbers[-1] == count - 1  # the newest has come through, older ones have not
         assert len(numbers) == server.counters.sent == count - server.counters.dropped
-
-
-def test_serial_port_both_ways():
-    pytest.importorskip("serial")
-    master, slave = os.openpty()
-    try:
-        with open_endpoint(f"{os.ttyname(slave)}:57600") as link:
-            os.write(master, b"from the radio")
-            assert wait_for(link, 14) == b"from the radio"
-            link.send(b"to the radio")
-            assert os.read(master, 100) == b"to the radio"
-            assert link.recv(0.01) == []
-    finally:
-        os.close(master)
-        os.close(slave)
-
-
-def test_a_serial_device_that_goes_is_not_an_error():
-    pytest.importorskip("serial")
-    master, slave = os.openpty()
-    with open_endpoint(os.ttyname(slave)) as link:
-        os.close(slave)
-        os.close(master)
-        for _ in range(5):
-            assert link.recv(0.01) == []
-            link.send(b"x")
-        assert link.counters.dropped >= 1
 
 
 def test_without_pyserial_the_extra_is_named(monkeypatch):
