@@ -24,7 +24,11 @@ def identify(settings: Settings, decoder: Decoder) -> Identity:
     """Who we are on the network of the decoder's vehicle."""
     here = settings.links
     return Identity(
-        settings.component, here.component_id, lambda: decoder.vehicle, here.system_id or 1
+        settings.component,
+        here.component_id,
+        lambda: decoder.vehicle,
+        here.system_id or 1,
+        here.autopilot_component_id,
     )
 
 

@@ -32,6 +32,12 @@ CLASH_FRAMES = 2
 CLASH_US = 10_000_000
 """A clash is over when no such frame came for this time; so long is a sender taken to be there."""
 
+LINK_US = 3_000_000
+"""An autopilot that is heard on several links is spoken to on one until it was silent so long."""
+
+LISTED = 8
+"""Vehicles that a note lists; of more the number is told."""
+
 _WARNING = 4
 
 
@@ -46,7 +52,7 @@ class Autopilot:
     kind, vehicle_type
         MAV_AUTOPILOT and MAV_TYPE of its HEARTBEAT.
     link, heard_us
-        Where and when (host monotonic [us]) it was heard last.
+        The link that it is spoken to on, and when it was heard there last (host monotonic [us]).
     """
 
     system: int
@@ -70,6 +76,8 @@ class Identity:
         The vehicle that is watched, None before one is known (``Decoder.vehicle``).
     system_id
         System to send as before a vehicle is known.
+    autopilot_component
+        Component id of autopilots: some other components call themselves one.
     """
 
     wants = frozenset({"HEARTBEAT"})
@@ -80,11 +88,13 @@ class Identity:
         component_id: int,
         vehicle: Callable[[], Vehicle | None] = lambda: None,
         system_id: int = 1,
+        autopilot_component: int = 1,
     ) -> None:
         self._settings = settings
         self._wished = component_id
         self._vehicle = vehicle
         self._system_id = system_id
+        self._autopilot_component = autopilot_component
         self._began_us: int | None = None
         self._address: tuple[int, int] | None = None
         self._sent: OrderedDict[bytes, None] = OrderedDict()
@@ -146,10 +156,11 @@ class Identity:
             )
         if len(self.autopilots) > 1:
             others = sorted(self.autopilots.keys() - {self.system_id})
+            listed = ", ".join(map(str, others[:LISTED]))
+            more = f" and {len(others) - LISTED} more" if len(others) > LISTED else ""
             out.append(
-                f"vehicle {self.system_id} is watched; also heard: "
-                + ", ".join(map(str, others))
-                + " (run --system-id chooses)"
+                f"vehicle {self.system_id} is watched; also heard: {listed}{more} "
+                "(run --system-id chooses)"
             )
         if self._address is not None and self._address[1] != self._wished:
             out.append(
@@ -176,14 +187,13 @@ class Identity:
         """Take note of who is there."""
         self._meet(heard.system, heard.component, now_us)
         kind = int(heard.fields["autopilot"])
-        if kind != AUTOPILOT_INVALID:
+        if kind == AUTOPILOT_INVALID or heard.component != self._autopilot_component:
+            return []
+        known = self.autopilots.get(heard.system)
+        if known is None or heard.link == known.link or now_us - known.heard_us > LINK_US:
+            vehicle_type = int(heard.fields["type"])
             self.autopilots[heard.system] = Autopilot(
-                heard.system,
-                heard.component,
-                kind,
-                int(heard.fields["type"]),
-                heard.link,
-                now_us,
+                heard.system, heard.component, kind, vehicle_type, heard.link, now_us
             )
         return []
 

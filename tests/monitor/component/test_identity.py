@@ -219,3 +219,30 @@ def test_all_autopilots_are_listed_and_one_is_watched():
     assert who.autopilot is not None
     assert who.autopilot.system == 2
     assert component.notes == ("vehicle 2 is watched; also heard: 1 (run --system-id chooses)",)
+
+
+def test_the_autopilot_is_spoken_to_on_one_link_until_it_is_silent_there():
+    who = identity()
+    for k in range(10):
+        who.hear(beat(1, 1, autopilot=3, link=k % 2), k * S // 2)
+    assert who.autopilot is not None
+    assert who.autopilot.link == 0
+    for k in range(10):
+        who.hear(beat(1, 1, autopilot=3, link=1), (10 + k) * S // 2)
+    assert who.autopilot.link == 1
+
+
+def test_another_component_that_calls_itself_an_autopilot_is_none():
+    who = identity()
+    who.hear(beat(1, 1, autopilot=3), 0)
+    who.hear(beat(1, 154, autopilot=0), 0)
+    assert who.autopilot is not None
+    assert who.autopilot.component == 1
+
+
+def test_a_crowd_of_vehicles_makes_a_short_note():
+    component = Component(identity())
+    for system in range(1, 256):
+        component.hear(beat(system, 1, autopilot=3), 0)
+    (note,) = component.notes
+    assert "2, 3, 4, 5, 6, 7, 8, 9 and 246 more" in note
