@@ -12,6 +12,7 @@ from monitor.commands.common import Refused, note, open_link, progress
 from monitor.commands.replay import MAX_FRAMES_PER_S, speed_of
 
 if TYPE_CHECKING:
+    from links.endpoints import Endpoint
     from sim_feeds.scenario import Flight
 
 __all__ = ["feed", "fly", "send", "write_log"]
@@ -40,6 +41,15 @@ def feed(
         ),
     ] = "1",
     seed: Annotated[int | None, typer.Option(help="Not the scenario's.")] = None,
+    streams: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            min=0.1,
+            help="Answer as an autopilot does: send each message at most so often at first, and "
+            "more of what is asked for (SET_MESSAGE_INTERVAL).",
+        ),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Write truth.json and truth.npz to this folder."),
@@ -56,11 +66,16 @@ def feed(
             save_truth(flight, truth)
         except OSError as error:
             raise Refused(f"cannot write to {truth}: {error.strerror}") from None
+    if to_file and streams is not None:
+        raise Refused("a file asks for nothing: --streams is for links")
     if to_file:
         count = write_log(flight, Path(to))
     else:
         with open_link(to) as link:
-            count = send(flight, link.send, factor)
+            if streams is None:
+                count = send(flight, link.send, factor)
+            else:
+                count = _converse(flight, link, factor, streams)
     note(f"mavsentry: sent {count} frames of {flight.truth.t_s[-1]:.0f} s of flight")
 
 
@@ -116,6 +131,33 @@ def send(flight: Flight, out: Callable[[bytes], object], speed: float | None) ->
             return play(frames, out, speed)
         paced = ((round(k * 1e6 / MAX_FRAMES_PER_S), data) for k, (_, data) in enumerate(frames))
         return play(paced, out, 1.0)
+
+
+def _converse(flight: Flight, link: Endpoint, speed: float | None, hz: float) -> int:
+    """Send the frames that it is the turn of, answer what comes back; return how many went out."""
+    from sim_feeds.answering import AnsweringAutopilot
+    from sim_feeds.player import frames_of, play
+
+    pilot = AnsweringAutopilot(flight.scenario.messages.system_id, hz)
+    t_us = count = 0
+
+    def frames() -> Iterator[Frame]:
+        nonlocal t_us
+        for at_us, frame in frames_of(flight):
+            t_us = at_us
+            yield at_us, frame
+
+    def out(frame: bytes) -> None:
+        nonlocal count
+        due = pilot.send(t_us, frame)
+        answers = [a for data, _ in link.recv(0.0) for a in pilot.hear(data, t_us)]
+        for data in (*answers, *([due] if due is not None else [])):
+            link.send(data)
+            count += 1
+
+    with progress("flying") as tell:
+        play(_told(frames(), float(flight.truth.t_s[-1]), tell), out, speed)
+    return count
 
 
 def _told(
