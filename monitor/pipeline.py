@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,6 +42,9 @@ class Pipeline:
     boots
         Vehicle times at which the vehicle began anew [us]; the first 1000.
     """
+
+    fleeting: ClassVar = ("_taps",)
+    """Not of what was learnt: see :mod:`monitor.checkpoint.graph`."""
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ __all__ = ["EngineWatch"]
 Array = NDArray[np.float64]
 
 STEPS_AT_ONCE = 512
-"""Steps that are judged by one call: the room for what is said of them is made once."""
+"""Steps that are judged by one call: there is room for what is said of so many."""
 
 
 TESTS_S = 0.2
@@ -66,7 +66,6 @@ class EngineWatch:
         self._units = units(settings)
         self._judged = es.new_judged()
         self._every = _steps(settings.emit_s, settings)
-        self._log = np.empty((STEPS_AT_ONCE * es.MOST_SAID, es.N_LOG))
         self._closed = 0
         self._tests_every = _steps(TESTS_S, settings)
         self._untold = np.empty((0, N_RATIOS))
@@ -96,6 +95,7 @@ class EngineWatch:
         for unit in self._units:
             self._estimate(unit, table, y, (w, least, most, mu, sd), (speed, std))
         halted, ratios = np.empty((steps, et.N_SHAFTS)), np.empty((steps, N_RATIOS))
+        log = np.empty((min(steps, STEPS_AT_ONCE) * es.MOST_SAID, es.N_LOG))
         result, said_s = StepResult(), [np.empty(0)]
         for first in range(0, steps, STEPS_AT_ONCE):
             part = slice(first, first + STEPS_AT_ONCE)
@@ -112,10 +112,10 @@ class EngineWatch:
                 sd[part],
                 halted[part],
                 ratios[part],
-                self._log,
+                log,
             )
-            said_s.append(self._log[:said, es.L_T].copy())
-            result.verdicts += [verdict(row, epoch_us) for row in self._log[:said]]
+            said_s.append(log[:said, es.L_T].copy())
+            result.verdicts += [verdict(row, epoch_us) for row in log[:said]]
         chosen = slice(-self._closed % self._every, None, self._every)
         tests = self._tests(table[:, et.X_T], ratios, np.concatenate(said_s))
         if len(tests):
