@@ -193,6 +193,13 @@ class VehicleClock:
         if self.last_us is None:
             self.state[[_NEWEST, _LAST]] = first_us
 
+    def ahead_us(self, raw_us: int) -> int | None:
+        """How far a stamp since boot is ahead of the newest time [us]; None before any."""
+        newest_us = self.newest_us
+        if newest_us is None:
+            return None
+        return raw_us + int(self.state[_EPOCH] + self.state[_WRAP_MS]) - newest_us
+
     def begin_boot(self, first_us: int) -> None:
         """The vehicle is known to have booted anew; its first stamp since then [us].
 

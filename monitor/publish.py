@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import degrees, hypot, isfinite, nan
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -69,6 +69,19 @@ class Publisher:
     has_message
         Says whether the dialect has a message of this name; those it lacks are left out.
     """
+
+    fleeting: ClassVar = (
+        "_settings",
+        "_has",
+        "_heartbeat",
+        "_masks",
+        "_values",
+        "_own",
+        "_silent",
+        "_t_us",
+        "_text",
+    )
+    """Of this process, not of what was said: see :mod:`monitor.checkpoint.graph`."""
 
     def __init__(
         self, settings: PublishSettings, has_message: Callable[[str], bool] = lambda name: True

@@ -14,6 +14,7 @@ system that sent most frames as component 1 is taken.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -37,8 +38,18 @@ from links.mavlink.kernels import (
     WHY,
     decode_block,
 )
-from links.mavlink.options import DecoderOptions, Vehicle
-from links.mavlink.plan import ARENA_AT, FIRST_T_US, NEEDED, NEVER, REBOOTS, TOLD, Plan, build_plan
+from links.mavlink.options import DecoderMemory, DecoderOptions, Vehicle
+from links.mavlink.plan import (
+    ARENA_AT,
+    FIRST_T_US,
+    NEEDED,
+    NEVER,
+    REBOOTS,
+    SEQ,
+    TOLD,
+    Plan,
+    build_plan,
+)
 from links.mavlink.rows import gather_payloads
 from links.mavlink.sourcing import source_table
 from links.mavlink.traffic import Counters, count_frames, traffic_size
@@ -46,7 +57,7 @@ from links.ranking import SourcesUsed
 from links.samples import NO_WORDS, Batch, Rows
 from links.vocabulary import Rejection
 
-__all__ = ["Decoder"]
+__all__ = ["Decoder", "DecoderMemory"]
 
 _ARENA = 1 << 16  # bytes that rows are written to before new ones are asked for
 _BLOCK = 1 << 12  # bytes of a block that there is room for from the start
@@ -75,6 +86,9 @@ class Decoder:
         The vehicle's clock, to read.
     host_us
         Host time given with the last ``feed`` [us], or None.
+    on_vehicle
+        Called once, when the vehicle and its first stamp are known and before the first rows: the
+        moment for :meth:`recall`.
 
     Raises
     ------
@@ -95,6 +109,7 @@ class Decoder:
         self.counters = Counters(self._dialect, self._framer, self.clock, self._stream[TRAFFIC:])
         self.vehicle: Vehicle | None = None
         self.host_us: int | None = None
+        self.on_vehicle: Callable[[], None] | None = None
         self._system = -1
         self._first_us = NEVER
         self._held: Frames | None = _NO_FRAMES
@@ -152,6 +167,42 @@ class Decoder:
         """Vehicle time of the first frame that drives the clock [us]; None before it."""
         first = NEVER if self._plan is None else int(self._memory[FIRST_T_US])
         return None if first == NEVER else first
+
+    def memory(self) -> DecoderMemory | None:
+        """What the next rows depend on beside the bytes; None before the vehicle is known."""
+        if self._plan is None or self.vehicle is None:
+            return None
+        return DecoderMemory(
+            self.vehicle,
+            self.clock.state.copy(),
+            self._memory[[SEQ, FIRST_T_US]],
+            self._plan.remembered.copy(),
+            self._plan.ratios.copy(),
+        )
+
+    def recall(self, memory: DecoderMemory) -> None:
+        """Go on from the memory of another decoder with the same options, on the same vehicle.
+
+        Raises
+        ------
+        ValueError
+            It is no such memory; nothing has changed.
+        """
+        if self._plan is None or memory.vehicle != self.vehicle:
+            raise ValueError("another vehicle's")
+        places = (self.clock.state, np.empty(2, np.int64), self._plan.remembered, self._plan.ratios)
+        for place, kept in zip(places, memory[1:], strict=True):
+            if (kept.shape, kept.dtype) != (place.shape, place.dtype):
+                raise ValueError("another decoder's")
+        self.clock.state[:] = memory.clock
+        self._memory[[SEQ, FIRST_T_US]] = memory.counts
+        self._plan.remembered[:] = memory.remembered
+        self._plan.ratios[:] = memory.ratios
+
+    @property
+    def rows(self) -> int:
+        """Rows given so far, those before a :meth:`recall` among them."""
+        return 0 if self._plan is None else int(self._memory[SEQ])
 
     @property
     def undecided(self) -> int:
@@ -237,6 +288,8 @@ class Decoder:
             return Batch({}, rejected)
         self._held = None
         self._follow(self.vehicle)
+        if self.on_vehicle is not None:
+            self.on_vehicle()
         if len(ready.data) > self._room:
             self._make_room(len(ready.data))
         self._table[: len(ready), : scan.COLUMNS] = ready.table

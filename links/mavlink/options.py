@@ -1,13 +1,17 @@
-"""How a stream is read, and whose it is."""
+"""How a stream is read, whose it is, and what is remembered of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from links import catalog
 
-__all__ = ["DecoderOptions", "Vehicle"]
+__all__ = ["DecoderMemory", "DecoderOptions", "Vehicle"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,3 +94,27 @@ class Vehicle:
     system_id: int
     autopilot: int
     type: int
+
+
+class DecoderMemory(NamedTuple):
+    """What a decoder must remember so that another one can go on where it stopped.
+
+    Attributes
+    ----------
+    vehicle
+        Whose it is.
+    clock : (m,) int64
+        :attr:`links.clock.VehicleClock.state`.
+    counts : (2,) int64
+        Number of the next row; time of the first stamp [us].
+    remembered : (s,) int64
+        When each source spoke last, and how often; see :attr:`links.mavlink.plan.Plan.remembered`.
+    ratios : (3,) float64
+        ARSPD_RATIO of each pitot.
+    """
+
+    vehicle: Vehicle
+    clock: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    remembered: NDArray[np.int64]
+    ratios: NDArray[np.float64]

@@ -134,6 +134,16 @@ class Plan:
         """The part that changes, but for the ratios: (s,) int64."""
         return self.array[self.array[MEMORY] : self.array[NUMBERS]]
 
+    @property
+    def remembered(self) -> Ints:
+        """Who spoke when, and how often: of the memory, what the next rows depend on; a view."""
+        return self.memory[self.array[SPOKE] : self.array[REJECTED]]
+
+    @property
+    def ratios(self) -> NDArray[np.float64]:
+        """ARSPD_RATIO of three pitots, in force; a view."""
+        return self.array[self.array[NUMBERS] :].view(np.float64)[RATIO:VALUES]
+
     def used(self) -> dict[str, Counter[str]]:
         """Sensor -> rows taken of each message."""
         found: dict[str, Counter[str]] = {}

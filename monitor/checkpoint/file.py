@@ -12,6 +12,7 @@ import json
 import os
 import stat
 import zlib
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], Flat]:
         raise Unusable("it is damaged") from None
     if unfold.unconsumed_tail or edges[-1] != len(whole) or min(lengths, default=0) < 0:
         raise Unusable("it is damaged")
-    arrays = [whole[a:b] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    arrays = [whole[a:b] for a, b in pairwise(edges)]
     return about, Flat(tree, shapes, heads, arrays)
 
 

@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cache
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from monitor.settings.base import Section
 
 __all__ = ["Damaged", "Flat", "Unstorable", "classes_of", "fit", "flatten", "rebuild"]
 
+F = TypeVar("F", bound=Callable[..., Any])
 _PACKAGES = frozenset({"monitor", "estimators", "links"})
 _SCALARS = frozenset({type(None), bool, int, float, str})
 _SEVERAL: dict[type, str] = {
@@ -119,7 +120,7 @@ def classes_of(*values: object) -> dict[str, type]:
         if id(value) in seen:
             continue
         seen[id(value)] = value  # kept, so that no other object gets its id
-        cls = value if isinstance(value, type) else type(value)
+        cls: Any = value if isinstance(value, type) else type(value)
         if _ours(cls):
             found[_name(cls)] = cls
         if not isinstance(value, type):
@@ -149,7 +150,7 @@ class _Writer:
         self._kept: list[object] = []  # temporary objects must not give their id to another
 
     def put(self, value: Any) -> Any:
-        cls = type(value)
+        cls: Any = type(value)
         if cls in _SCALARS:
             return value
         known = self._known
@@ -172,19 +173,19 @@ class _Writer:
             if cls is deque:
                 return ["deque", value.maxlen, *self._all(value)]
             return [_SEVERAL[cls], *self._all(value)]
-        if isinstance(value, bytes):
-            return ["bytes", value.hex()]
         if isinstance(value, np.generic):
             self.arrays.append(array := np.asarray(value))
             self.copies.append(array.tobytes())
             return ["scalar", len(self.arrays) - 1]
+        if isinstance(value, bytes):
+            return ["bytes", value.hex()]
         return self._object(cls, value)
 
     def _all(self, values: Any) -> list[Any]:
         put, scalars = self.put, _SCALARS
         return [value if type(value) in scalars else put(value) for value in values]
 
-    def _object(self, cls: type, value: Any) -> list[Any]:
+    def _object(self, cls: Any, value: Any) -> list[Any]:
         if not _ours(cls):
             raise Unstorable(f"{cls.__module__}.{cls.__qualname__} is no data")
         if issubclass(cls, Section):
@@ -196,7 +197,7 @@ class _Writer:
             own: dict[str, Any] = vars(value)
             gone = _fleeting(cls)
             names = tuple(own) if not gone else tuple(name for name in own if name not in gone)
-            parts = own.values() if not gone else [own[name] for name in names]
+            parts: Sequence[Any] = [own[name] for name in names]
         else:
             parts = get(value)
         shape = self.shapes.setdefault((cls, names), len(self.shapes))
@@ -312,7 +313,12 @@ def _array(head: Sequence[Any], data: bytes) -> np.ndarray[Any, Any]:
     return array
 
 
-@cache
+def _once(function: F) -> F:
+    """``functools.cache`` that keeps the function's type."""
+    return cast(F, cache(function))
+
+
+@_once
 def _description(dtype: np.dtype[Any]) -> Any:
     if dtype.hasobject:
         raise Unstorable("an array of objects is no data")
@@ -332,7 +338,7 @@ def _tuples(description: Any) -> Any:
 def _fit(fresh: Any, found: Any, where: str, seen: set[int]) -> None:
     if fresh is None or id(fresh) in seen:
         return
-    cls = type(fresh)
+    cls: Any = type(fresh)
     if cls is np.ndarray:
         if type(found) is not np.ndarray or (found.dtype, found.ndim) != (fresh.dtype, fresh.ndim):
             raise Damaged(f"{where} is not what it should be")
@@ -375,28 +381,28 @@ def _parts(value: object) -> Iterator[tuple[str, Any]]:
         yield from ((name, getattr(value, name)) for name in names if name not in gone)
 
 
-@cache
-def _ours(cls: type) -> bool:
+@_once
+def _ours(cls: Any) -> bool:
     return cls.__module__.partition(".")[0] in _PACKAGES
 
 
-@cache
-def _name(cls: type) -> str:
+@_once
+def _name(cls: Any) -> str:
     return f"{cls.__module__}.{cls.__qualname__}"
 
 
-@cache
-def _fleeting(cls: type) -> tuple[str, ...]:
+@_once
+def _fleeting(cls: Any) -> tuple[str, ...]:
     return tuple(getattr(cls, "fleeting", ()))
 
 
-@cache
-def _slots(cls: type) -> tuple[str, ...]:
+@_once
+def _slots(cls: Any) -> tuple[str, ...]:
     return tuple(name for base in cls.__mro__ for name in getattr(base, "__slots__", ()))
 
 
-@cache
-def _reader_of(cls: type) -> tuple[tuple[str, ...], Callable[[Any], Sequence[Any]] | None]:
+@_once
+def _reader_of(cls: Any) -> tuple[tuple[str, ...], Callable[[Any], Sequence[Any]] | None]:
     """Attributes of a class whose objects all have the same ones, and how they are read at once."""
     if issubclass(cls, tuple):
         names: tuple[str, ...] = getattr(cls, "_fields", ())

@@ -80,7 +80,7 @@ class Moment:
 
     @staticmethod
     def now() -> Moment:
-        """This one."""
+        """The present."""
         try:
             boot = _BOOT_ID.read_text("ascii").strip()
         except (OSError, UnicodeDecodeError):

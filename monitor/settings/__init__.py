@@ -17,6 +17,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from monitor.settings.air import AirSettings
 from monitor.settings.base import Section
+from monitor.settings.checkpoint import CheckpointSettings
 from monitor.settings.component import ComponentSettings
 from monitor.settings.engine import EngineSettings
 from monitor.settings.imu import ImuSettings
@@ -71,6 +72,7 @@ class Settings(Section):
     publish: PublishSettings = Field(default_factory=PublishSettings)
     recorder: RecorderSettings = Field(default_factory=RecorderSettings)
     security: SecuritySettings = Field(default_factory=SecuritySettings)
+    checkpoint: CheckpointSettings = Field(default_factory=CheckpointSettings)
     web: WebSettings = Field(default_factory=WebSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)
 

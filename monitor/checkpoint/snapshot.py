@@ -1,0 +1,217 @@
+"""What is kept of a running monitor, and what must be true of who takes it up.
+
+Kept are the pipeline, what the publisher has said, and the decoder's memory (the vehicle's clock,
+numbers and sources of the rows, pitot ratios); not the bytes of a message that was half there.
+
+A snapshot is taken up only
+
+- by the same code: its digest is compared, since the state has no other description than the code;
+- with the same settings; where they differ, the pipeline is restored with those that it was made
+  with and retuned to ours, which takes those thresholds that can be changed in flight;
+- of the same vehicle: system id, autopilot and type;
+- within ``checkpoint.max_age_s``. The vehicle's clock decides: the first stamp that is heard, less
+  the newest before. Where it is behind, the vehicle has booted since, and all is learnt anew:
+  whatever was known may be of another flight. The host's clocks decide before, as far as they can
+  be believed (:func:`monitor.checkpoint.identity.age_s`): a vehicle that was switched off and on
+  can reach the time of an old checkpoint again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from links.clock import BACK_US, VehicleClock
+from links.mavlink.options import DecoderMemory, Vehicle
+from links.vocabulary import Kind, Reason, State
+from monitor.checkpoint import file, graph
+from monitor.checkpoint.file import Unusable
+from monitor.checkpoint.identity import Moment, age_s, code_digest, differing, shaping
+from monitor.settings import Settings
+from monitor.streams import Stream
+from monitor.verdict import Verdict
+
+if TYPE_CHECKING:
+    from links.mavlink import Decoder
+    from monitor.pipeline import Pipeline
+    from monitor.publish import Publisher
+
+__all__ = ["Resumable", "Snapshot", "load", "take"]
+
+_ALSO = (DecoderMemory, Vehicle, Verdict, Stream, State, Reason, Kind)
+"""Classes that a running monitor holds and a freshly built one may not."""
+
+
+class Snapshot(NamedTuple):
+    """A monitor's state between two turns, as data; nothing that goes on changes it."""
+
+    about: dict[str, Any]
+    flat: graph.Flat
+
+    @property
+    def rows(self) -> int:
+        """Rows that the monitor had seen."""
+        return int(self.about["rows"])
+
+    def pack(self) -> bytes:
+        """The bytes of its file."""
+        return file.pack(self.about, self.flat)
+
+
+class _State(NamedTuple):
+    """What is written down."""
+
+    decoder: DecoderMemory | None
+    pipeline: Pipeline
+    publisher: Publisher
+
+
+def take(
+    decoder: Decoder, pipeline: Pipeline, publisher: Publisher, settings: Settings
+) -> Snapshot | None:
+    """The monitor's state now; None before a vehicle is heard.
+
+    Parameters
+    ----------
+    settings
+        Those that are in force in the pipeline.
+
+    Raises
+    ------
+    monitor.checkpoint.graph.Unstorable
+        Something in it is no data.
+    """
+    memory = decoder.memory()
+    if memory is None:
+        return None
+    about = {
+        "code": code_digest(),
+        "settings": settings.model_dump(mode="json"),
+        "vehicle": asdict(memory.vehicle),
+        "rows": int(memory.counts[0]),
+        "taken": asdict(Moment.now()),
+    }
+    return Snapshot(about, graph.flatten(_State(memory, pipeline, publisher)))
+
+
+@dataclass(frozen=True, slots=True)
+class Resumable:
+    """A snapshot that may be taken up once its vehicle is heard.
+
+    Attributes
+    ----------
+    about
+        What it says of itself.
+    state
+        The objects that it is of, made again.
+    """
+
+    about: dict[str, Any]
+    state: Any
+
+    @property
+    def faulty(self) -> list[str]:
+        """Sensors that stood faulty."""
+        states = self.state.pipeline.states()
+        return [sensor for sensor, v in states.items() if v.state is State.FAULTY]
+
+    def take_up(
+        self, decoder: Decoder, pipeline: Pipeline, publisher: Publisher, max_age_s: float
+    ) -> float:
+        """Let the three go on from it, before the decoder's first rows; return its age [s].
+
+        Parameters
+        ----------
+        decoder
+            It knows its vehicle and the vehicle's first stamp.
+        pipeline, publisher
+            They have seen nothing yet.
+
+        Raises
+        ------
+        Unusable
+            It must not be taken up; nothing has changed.
+        """
+        memory: DecoderMemory = self.state.decoder
+        if decoder.vehicle != memory.vehicle:
+            raise Unusable("it is of another vehicle")
+        clock = VehicleClock()
+        clock.state = memory.clock
+        first_us = decoder.first_t_us
+        ahead_us = None if first_us is None else clock.ahead_us(first_us)
+        if ahead_us is None or ahead_us < -BACK_US:
+            raise Unusable("the vehicle has booted since")
+        if ahead_us > max_age_s * 1e6:
+            raise Unusable(_too_old(ahead_us / 1e6, max_age_s))
+        try:
+            decoder.recall(memory)
+        except ValueError as error:
+            raise Unusable(f"its decoder is {error}") from None
+        for ours, kept in ((pipeline, self.state.pipeline), (publisher, self.state.publisher)):
+            gone = type(ours).fleeting
+            vars(ours).update({name: v for name, v in vars(kept).items() if name not in gone})
+        return max(ahead_us / 1e6, 0.0)
+
+
+def load(
+    path: Path,
+    settings: Settings,
+    pipeline: Pipeline,
+    publisher: Publisher,
+) -> Resumable:
+    """Read a file and make its objects again.
+
+    Parameters
+    ----------
+    settings
+        Ours.
+    pipeline, publisher
+        Freshly built with them: what the objects are held against.
+
+    Raises
+    ------
+    Unusable
+        It cannot or must not be taken up; the sentence says why.
+    FileNotFoundError
+        There is none.
+    """
+    about, flat = file.unpack(file.read(path))
+    try:
+        code, taken = about["code"], Moment(**about["taken"])
+        theirs = Settings.model_validate(about["settings"])
+    except (KeyError, TypeError, ValueError):
+        raise Unusable("another version made it") from None
+    if code != code_digest():
+        raise Unusable("another version made it")
+    max_age_s = settings.checkpoint.max_age_s
+    host_s = age_s(taken, Moment.now())
+    if host_s is not None and host_s > max_age_s:
+        raise Unusable(_too_old(host_s, max_age_s))
+    others = differing(shaping(theirs), shaping(settings))
+    if others:
+        pipeline = type(pipeline)(theirs)
+    fresh = _State(None, pipeline, publisher)
+    try:
+        state = graph.rebuild(flat, graph.classes_of(*_ALSO, fresh))
+        graph.fit(fresh, state)
+    except graph.Damaged as error:
+        raise Unusable(f"it does not fit: {error}") from None
+    if others:
+        _retune(state.pipeline, settings, others)
+    return Resumable(about, state)
+
+
+def _retune(pipeline: Pipeline, settings: Settings, others: list[str]) -> None:
+    """Bring a pipeline to our settings, if that can be done without losing its state."""
+    waiting = set(others)
+    retune = getattr(pipeline, "retune", None)
+    if retune is not None:
+        waiting -= set(retune(settings).taken)
+    if waiting:
+        named = ", ".join(sorted(waiting)[:3]) + (" and more" if len(waiting) > 3 else "")
+        raise Unusable(f"it was made with other settings: {named}")
+
+
+def _too_old(age_s: float, max_age_s: float) -> str:
+    return f"it is {age_s:.0f} s old, {max_age_s:.0f} s are allowed"

@@ -1,0 +1,62 @@
+"""A snapshot, taken up by fresh objects, equals never having stopped."""
+
+import random
+
+import pytest
+
+from links.vocabulary import State
+from monitor.checkpoint import file, graph
+from monitor.checkpoint.snapshot import load as load_file
+from monitor.checkpoint.snapshot import take
+from monitor.settings import load
+
+from .conftest import monitor
+
+
+def fly(stages, data, now_us=0):
+    """Verdicts, estimates' bytes, and messages of some datagrams."""
+    verdicts, estimates, messages = [], [], []
+    for part in data:
+        now_us += 50_000
+        result = stages.pipeline.feed(stages.decoder.feed(part))
+        stages.publisher.note(result)
+        verdicts += result.verdicts
+        estimates += [(name, rows.tobytes()) for name, rows in result.estimates.items()]
+        messages += stages.publisher.due(now_us, stages.pipeline.now_us, silent=False)
+    return [repr(v) for v in verdicts], estimates, messages
+
+
+def restarted(stages, path):
+    """Fresh objects that have taken up what the others had, through a file."""
+    file.replace(path, take(*stages, load()).pack())
+    fresh = monitor()
+    found = load_file(path, load(), fresh.pipeline, fresh.publisher)
+
+    def take_up():
+        found.take_up(*fresh, 120.0)
+
+    fresh.decoder.on_vehicle = take_up
+    return fresh
+
+
+@pytest.mark.parametrize("flight", ["pair", "many"])
+def test_going_on_from_a_snapshot_is_never_having_stopped(flight, request, tmp_path):
+    data = request.getfixturevalue(flight)
+    cuts = random.Random(flight).sample(range(20, len(data) - 1), 5)
+    expected = fly(whole := monitor(), data)
+    assert {s for s, v in whole.pipeline.states().items() if v.state is State.FAULTY} == {
+        "imu0.acc_x",
+        "airspeed0",
+    }
+    stages = monitor()
+    verdicts, estimates = [], []
+    for begin, end in zip([0, *sorted(cuts)], [*sorted(cuts), len(data)], strict=True):
+        if begin:
+            stages = restarted(stages, tmp_path / "checkpoint")
+        more, rows, _ = fly(stages, data[begin:end])
+        verdicts += more
+        estimates += rows
+    assert verdicts == expected[0]
+    assert estimates == expected[1]
+    assert stages.pipeline.rejected == whole.pipeline.rejected
+    assert graph.flatten(stages.pipeline) == graph.flatten(whole.pipeline)
