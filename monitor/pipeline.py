@@ -43,7 +43,7 @@ class Pipeline:
         Vehicle times at which the vehicle began anew [us]; the first 1000.
     """
 
-    fleeting: ClassVar = ("_taps",)
+    fleeting: ClassVar = ("_settings", "_taps")
     """Not of what was learnt: see :mod:`monitor.checkpoint.graph`."""
 
     def __init__(

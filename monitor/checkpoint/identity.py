@@ -10,12 +10,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from links.mavlink.options import DecoderOptions
 from monitor.settings import Settings
 
-__all__ = ["SECTIONS", "Moment", "age_s", "code_digest", "differing", "shaping"]
+__all__ = ["SECTIONS", "Moment", "age_s", "code_digest", "reading", "shaping"]
 
-SECTIONS = ("streams", "phase", "imu", "air", "triplex", "vane", "engine", "wing")
-"""Sections that the pipeline reads; of ``links``, what the decoder does is compared."""
+SECTIONS = ("streams", "phase", "imu", "air", "triplex", "vane", "engine", "wing", "mute")
+"""Sections that the pipeline works by."""
 
 _ROOTS = ("links", "estimators", "monitor")
 _APART = frozenset({"commands", "fleet", "learn", "pages", "report", "web", "baselines"})
@@ -43,21 +44,13 @@ def code_digest() -> str:
 
 def shaping(settings: Settings) -> dict[str, Any]:
     """What of the settings shapes the state, in JSON's types."""
-    out: dict[str, Any] = {
-        name: getattr(settings, name).model_dump(mode="json") for name in SECTIONS
-    }
-    out["decoder"] = _plain(asdict(settings.links.decoder_options()))
-    return out
+    return {name: getattr(settings, name).model_dump(mode="json") for name in SECTIONS}
 
 
-def differing(one: Any, other: Any, prefix: str = "") -> list[str]:
-    """Dotted keys in which two such tables differ."""
-    if not isinstance(one, dict) or not isinstance(other, dict):
-        return [] if one == other else [prefix]
-    keys: list[str] = []
-    for key in sorted(one.keys() | other.keys()):
-        keys += differing(one.get(key), other.get(key), f"{prefix}.{key}" if prefix else key)
-    return keys
+def reading(options: DecoderOptions) -> dict[str, Any]:
+    """How the stream is read, in JSON's types."""
+    plain: dict[str, Any] = _plain(asdict(options))
+    return plain
 
 
 @dataclass(frozen=True, slots=True)

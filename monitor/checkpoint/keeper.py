@@ -50,8 +50,6 @@ class Checkpointer:
 
     Attributes
     ----------
-    settings
-        Those in force; whoever retunes the pipeline sets them.
     resumed
         Whether a checkpoint was taken up.
     """
@@ -65,10 +63,12 @@ class Checkpointer:
         publisher: Publisher,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.settings = settings
         self.resumed = False
+        self._max_age_s = settings.checkpoint.max_age_s
+        self._component = settings.links.component_id
         self._folder = folder
-        self._decoder, self._pipeline, self._publisher = decoder, pipeline, publisher
+        self._decoder = decoder
+        self._stages = decoder, pipeline, publisher
         self._say = say
         self._interval_us = round(settings.checkpoint.interval_s * 1e6)
         self._next_us: int | None = None
@@ -81,10 +81,10 @@ class Checkpointer:
         """Read what is there; it is taken up when its vehicle is heard."""
         if not self._interval_us:
             return
-        mine = f"checkpoint-*-{self.settings.links.component_id}"
+        mine = f"checkpoint-*-{self._component}"
         for path in sorted(self._folder.glob(mine)) if self._folder.is_dir() else ():
             try:
-                self._found[path] = load(path, self.settings, self._pipeline, self._publisher)
+                self._found[path] = load(path, *self._stages, self._max_age_s)
             except FileNotFoundError:
                 continue
             except Unusable as error:
@@ -123,7 +123,7 @@ class Checkpointer:
         if self._decoder.rows == self._rows:
             return None
         try:
-            return take(self._decoder, self._pipeline, self._publisher, self.settings)
+            return take(*self._stages)
         except Unstorable as error:
             self._interval_us = 0
             self._say(f"no checkpoints are kept: {error}")
@@ -132,7 +132,7 @@ class Checkpointer:
     def _path(self) -> Path:
         vehicle = self._decoder.vehicle
         assert vehicle is not None
-        return self._folder / f"checkpoint-{vehicle.system_id}-{self.settings.links.component_id}"
+        return self._folder / f"checkpoint-{vehicle.system_id}-{self._component}"
 
     def _take_up(self) -> None:
         """The vehicle is known and nothing was decoded yet."""
@@ -141,12 +141,7 @@ class Checkpointer:
         if found is None:
             return
         try:
-            age_s = found.take_up(
-                self._decoder,
-                self._pipeline,
-                self._publisher,
-                self.settings.checkpoint.max_age_s,
-            )
+            age_s = found.take_up(*self._stages, self._max_age_s)
         except Unusable as error:
             self._say(f"checkpoint not used: {error}")
             return

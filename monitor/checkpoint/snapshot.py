@@ -18,6 +18,7 @@ A snapshot is taken up only
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -27,7 +28,7 @@ from links.mavlink.options import DecoderMemory, Vehicle
 from links.vocabulary import Kind, Reason, State
 from monitor.checkpoint import file, graph
 from monitor.checkpoint.file import Unusable
-from monitor.checkpoint.identity import Moment, age_s, code_digest, differing, shaping
+from monitor.checkpoint.identity import Moment, age_s, code_digest, reading, shaping
 from monitor.settings import Settings
 from monitor.streams import Stream
 from monitor.verdict import Verdict
@@ -41,6 +42,11 @@ __all__ = ["Resumable", "Snapshot", "load", "take"]
 
 _ALSO = (DecoderMemory, Vehicle, Verdict, Stream, State, Reason, Kind)
 """Classes that a running monitor holds and a freshly built one may not."""
+
+
+_OTHER_CODE = "another version made it"
+_NAMED = 3
+"""Keys that are named where settings differ; the others are counted."""
 
 
 class Snapshot(NamedTuple):
@@ -67,15 +73,8 @@ class _State(NamedTuple):
     publisher: Publisher
 
 
-def take(
-    decoder: Decoder, pipeline: Pipeline, publisher: Publisher, settings: Settings
-) -> Snapshot | None:
+def take(decoder: Decoder, pipeline: Pipeline, publisher: Publisher) -> Snapshot | None:
     """The monitor's state now; None before a vehicle is heard.
-
-    Parameters
-    ----------
-    settings
-        Those that are in force in the pipeline.
 
     Raises
     ------
@@ -87,7 +86,8 @@ def take(
         return None
     about = {
         "code": code_digest(),
-        "settings": settings.model_dump(mode="json"),
+        "settings": shaping(pipeline.settings),
+        "reading": reading(decoder.options),
         "vehicle": asdict(memory.vehicle),
         "rows": int(memory.counts[0]),
         "taken": asdict(Moment.now()),
@@ -155,19 +155,18 @@ class Resumable:
 
 
 def load(
-    path: Path,
-    settings: Settings,
-    pipeline: Pipeline,
-    publisher: Publisher,
+    path: Path, decoder: Decoder, pipeline: Pipeline, publisher: Publisher, max_age_s: float
 ) -> Resumable:
     """Read a file and make its objects again.
 
     Parameters
     ----------
-    settings
-        Ours.
-    pipeline, publisher
-        Freshly built with them: what the objects are held against.
+    path
+        The file.
+    decoder, pipeline, publisher
+        Freshly built with our settings: what the objects are held against.
+    max_age_s
+        Age by the host's clocks up to which it may be taken up [s].
 
     Raises
     ------
@@ -178,39 +177,34 @@ def load(
     """
     about, flat = file.unpack(file.read(path))
     try:
-        code, taken = about["code"], Moment(**about["taken"])
+        code, taken, read = about["code"], Moment(**about["taken"]), about["reading"]
         theirs = Settings.model_validate(about["settings"])
     except (KeyError, TypeError, ValueError):
-        raise Unusable("another version made it") from None
+        raise Unusable(_OTHER_CODE) from None
     if code != code_digest():
-        raise Unusable("another version made it")
-    max_age_s = settings.checkpoint.max_age_s
+        raise Unusable(_OTHER_CODE)
     host_s = age_s(taken, Moment.now())
     if host_s is not None and host_s > max_age_s:
         raise Unusable(_too_old(host_s, max_age_s))
-    others = differing(shaping(theirs), shaping(settings))
-    if others:
-        pipeline = type(pipeline)(theirs)
-    fresh = _State(None, pipeline, publisher)
+    ours = reading(decoder.options)
+    if read != ours:
+        others = [f"links: {key}" for key in sorted(ours) if ours[key] != read.get(key)]
+        raise Unusable(_other_settings(others))
+    same = shaping(theirs) == shaping(pipeline.settings)
+    fresh = _State(None, pipeline if same else type(pipeline)(theirs), publisher)
     try:
         state = graph.rebuild(flat, graph.classes_of(*_ALSO, fresh))
         graph.fit(fresh, state)
     except graph.Damaged as error:
         raise Unusable(f"it does not fit: {error}") from None
-    if others:
-        _retune(state.pipeline, settings, others)
+    if not same and (waiting := state.pipeline.retune(pipeline.settings).waiting):
+        raise Unusable(_other_settings(waiting))
     return Resumable(about, state)
 
 
-def _retune(pipeline: Pipeline, settings: Settings, others: list[str]) -> None:
-    """Bring a pipeline to our settings, if that can be done without losing its state."""
-    waiting = set(others)
-    retune = getattr(pipeline, "retune", None)
-    if retune is not None:
-        waiting -= set(retune(settings).taken)
-    if waiting:
-        named = ", ".join(sorted(waiting)[:3]) + (" and more" if len(waiting) > 3 else "")
-        raise Unusable(f"it was made with other settings: {named}")
+def _other_settings(keys: Sequence[str]) -> str:
+    more = "" if len(keys) <= _NAMED else f" and {len(keys) - _NAMED} more"
+    return f"it was made with other settings: {', '.join(keys[:_NAMED])}{more}"
 
 
 def _too_old(age_s: float, max_age_s: float) -> str:

@@ -6,9 +6,7 @@ import pytest
 
 from links.vocabulary import State
 from monitor.checkpoint import file, graph
-from monitor.checkpoint.snapshot import load as load_file
-from monitor.checkpoint.snapshot import take
-from monitor.settings import load
+from monitor.checkpoint.snapshot import load, take
 
 from .conftest import monitor
 
@@ -28,9 +26,9 @@ def fly(stages, data, now_us=0):
 
 def restarted(stages, path):
     """Fresh objects that have taken up what the others had, through a file."""
-    file.replace(path, take(*stages, load()).pack())
+    file.replace(path, take(*stages).pack())
     fresh = monitor()
-    found = load_file(path, load(), fresh.pipeline, fresh.publisher)
+    found = load(path, *fresh, 120.0)
 
     def take_up():
         found.take_up(*fresh, 120.0)
