@@ -225,7 +225,7 @@ class Intervals:
         """The next thing to ask, if there is one."""
         self._follow_reboots()
         autopilot = self._identity.autopilot
-        ended = self._rates.look(now_us)
+        ended = self._rates.look(now_us, autopilot.heard_us if autopilot is not None else None)
         self._measured |= ended
         if self._radio_us is not None and now_us - self._radio_us > RADIO_US:
             self._radio_us = None

@@ -13,6 +13,9 @@ WINDOW_US = 3_000_000
 SPOILT_US = 500_000
 """Host time without anything new that spoils a window: the link paused, not a stream."""
 
+STILL_US, BEATS_US = 5_000_000, 2_500_000
+"""So long nothing but heartbeats, no two of them further apart: then no stream is sent."""
+
 LOOK_US = 200_000
 """Host time between two looks."""
 
@@ -48,17 +51,26 @@ class Rates:
     def __init__(self, streams: Callable[[], Mapping[str, Counted]]) -> None:
         self._streams = streams
         self.hz: dict[str, float] = {}
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin a new window at the next look."""
         self._from_us: int | None = None
         self._counts: dict[str, int] = {}
         self._newest_us = 0
-        self._moved_us = self._looked_us = 0
+        self._moved_us = self._alive_us = self._looked_us = 0
+        self._heard_us: int | None = None
 
-    def look(self, now_us: int) -> bool:
-        """Whether a window has just ended; ``hz`` is of it then."""
+    def restart(self) -> None:
+        """Begin a new window at the next look."""
+        self._from_us = None
+
+    def look(self, now_us: int, heard_us: int | None) -> bool:
+        """Whether a window has just ended; ``hz`` is of it then.
+
+        ``heard_us`` is when the autopilot's HEARTBEAT came last: while it comes and nothing else
+        does, all rates are 0.
+        """
+        if heard_us is not None and heard_us != self._heard_us:
+            if self._heard_us is None or heard_us - self._heard_us > BEATS_US:
+                self._alive_us = heard_us
+            self._heard_us = heard_us
         if now_us - self._looked_us < LOOK_US:
             return False
         self._looked_us = now_us
@@ -68,7 +80,7 @@ class Rates:
             self._newest_us, self._moved_us = newest_us, now_us
         elif now_us - self._moved_us > SPOILT_US:
             self._from_us = None
-            return False
+            return self._still(now_us)
         if self._from_us is None:
             self._from_us = newest_us
             self._counts = {name: s.samples for name, s in streams.items()}
@@ -83,4 +95,14 @@ class Rates:
         }
         self._from_us = newest_us
         self._counts = {name: s.samples for name, s in streams.items()}
+        return True
+
+    def _still(self, now_us: int) -> bool:
+        """Whether heartbeats have come, and they alone, for as long as it takes to be sure."""
+        if self._heard_us is None or now_us - self._heard_us > BEATS_US:
+            return False
+        if now_us - max(self._moved_us, self._alive_us) < STILL_US:
+            return False
+        self._alive_us = now_us  # the next window of stillness begins
+        self.hz = {}
         return True

@@ -314,3 +314,32 @@ def test_a_sensor_that_is_not_fitted_is_not_missed():
     assert ("get", "SCALED_IMU2", 0.0, 0) in sent
     assert not [s for s in sent if s[:2] == ("set", "SCALED_IMU2")]
     assert service.notes == ()
+
+
+def test_an_autopilot_that_sends_nothing_but_heartbeats_is_asked_for_all():
+    world = World(autopilot(slow=dict.fromkeys(autopilot().hz, 0.0)))
+    service = asking(world)
+    assert world.run(service, 4.5) == []
+    world.run(service, 60)
+    assert service.notes == ()
+    assert world.pilot.hz["RAW_IMU"] == 50
+    for m in service.close(world.now_us):
+        world.pilot.take(m, world.now_us)
+    assert not any(world.pilot.hz.values())
+
+
+def test_when_all_streams_stop_but_the_heartbeat_they_are_asked_for_once_more():
+    world = World(autopilot(slow={"RAW_IMU": 4.0}))
+    service = asking(world)
+    world.run(service, 40)
+    world.pilot.hz = dict.fromkeys(world.pilot.hz, 0.0)
+    world.run(service, 60)
+    assert world.pilot.hz["RAW_IMU"] == 50.0
+
+
+def test_a_link_that_is_gone_is_not_talked_to():
+    world = World(autopilot())
+    service = asking(world)
+    world.run(service, 40)
+    world.pilot.quiet = True
+    assert world.run(service, 120) == []
