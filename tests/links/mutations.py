@@ -9,6 +9,7 @@ their check sum back afterwards, or the reader would see next to nothing of them
 from __future__ import annotations
 
 import struct
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -174,10 +175,15 @@ def _blind(data: bytearray, m: Mutation) -> bytearray:
 
 def tlog_of(name: str, data: bytes) -> Sound:
     """Places of a telemetry log of whole frames."""
+    return stream_of(name, data, 8)
+
+
+def stream_of(name: str, data: bytes, stamp: int = 0) -> Sound:
+    """Places of whole frames, each with a stamp of so many bytes before it."""
     messages = load_dialect().by_id
     frames: list[Place] = []
     sound = Sound(name, data, seal=lambda changed, at: _seal(changed, frames, at))
-    at = 8
+    at = stamp
     while at + 8 <= len(data):
         two = data[at] == 0xFD
         size, head = data[at + 1], 10 if two else 6
@@ -194,13 +200,13 @@ def tlog_of(name: str, data: bytes) -> Sound:
             sound.stamps.append((body, width))
         if size > width:
             sound.values.append((body + width, size - width))
-        at = end + 8 + (13 if two and data[at + 2] & 1 else 0)
+        at = end + stamp + (13 if two and data[at + 2] & 1 else 0)
     return sound
 
 
 def _seal(data: bytearray, frames: list[Place], at: int) -> None:
     extras = load_dialect().extras
-    k = int(np.searchsorted([start for start, _ in frames], at, side="right")) - 1
+    k = bisect_right(frames, at, key=lambda frame: frame[0]) - 1
     if k < 0:
         return
     start, _ = frames[k]
