@@ -9,6 +9,8 @@ An input is a failure when anything but a ``LogError`` is raised, a warning incl
 longer than 20 s (even inside a compiled kernel), when the process needs another 2 GiB of address
 space, or when the rows are not numbered, timed and bounded as :mod:`links.samples` promises. It
 stays in the folder, and the command that repeats it is printed.
+
+``live`` instead of a format sends hostile bytes through the daemon: :mod:`tests.links.fuzz_live`.
 """
 
 from __future__ import annotations
@@ -272,6 +274,10 @@ def run(
 
 
 def _work(reader: str, count: int, seed: int, folder: Path, only: int | None) -> None:
+    if reader == "live":
+        from .fuzz_live import work
+
+        return work(count, seed, only)
     for sound in (s for part in sounds(reader) for s in part):  # compile and load before measuring
         (folder / "sound").write_bytes(sound.data)
         examine(reader, folder / "sound", analyzed=True, tally=Tally())
@@ -296,7 +302,7 @@ def _work(reader: str, count: int, seed: int, folder: Path, only: int | None) ->
 def main() -> int:
     """The command; each reader in a process of its own, so that a hang or a crash is told too."""
     parser = argparse.ArgumentParser(prog="python -m tests.links.fuzz", description=__doc__)
-    parser.add_argument("reader", choices=[*READERS, "all"])
+    parser.add_argument("reader", choices=[*READERS, "all", "live"])
     parser.add_argument("--bytes", type=int, default=10_000_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int, help="one input by its number")

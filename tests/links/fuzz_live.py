@@ -8,7 +8,7 @@ the damage keeps the checksum right, so that it reaches fields, requests and clo
 pieces of 1 byte to 16 kB from a few peers. Every third life demands signatures, with genuine ones
 among the forged.
 
-A life fails when anything is raised, a warning included, when a turn takes longer than 20 s, when a
+A life fails when anything is raised, a warning included, when it takes longer than two minutes, when a
 row breaks what :mod:`links.samples` promises, when what we say is no frame of ours, when answers
 outgrow what was asked, or when, with signatures demanded, anything but a genuine frame is let in,
 or one of them twice.
@@ -16,7 +16,9 @@ or one of them twice.
 
 from __future__ import annotations
 
+import faulthandler
 import itertools
+import resource
 import time
 import warnings
 from collections.abc import Iterator
@@ -35,9 +37,12 @@ from links.mavlink.reception import Arrival, Reception, ReceptionOptions
 from links.mavlink.signing import Signer, SigningClock, SigningKey, Verifier
 from links.samples import Batch
 from monitor.component.assembly import assemble, identify
+from monitor.component.parameters import Parameters
+from monitor.component.tunables import RESET, TUNABLES
 from monitor.pipeline import Pipeline
 from monitor.publish import Publisher
 from monitor.settings import Settings, load
+from monitor.tuning import Tuning
 from sim_feeds.player import frames_of
 
 from .mutations import FLOATS, Sound, drawn, mutated, stream_of
@@ -48,6 +53,10 @@ BYTES_PER_S = 20_000
 """Host time passes by so many bytes of the vehicle's."""
 SIGNED = 3
 """One life in so many demands signatures."""
+SECONDS = 120
+"""Longer than any life may take, on a busy machine too."""
+ROOM = 1 << 30
+"""Address space that all lives together may need beyond what was there before [bytes]."""
 OUT_PER_S = 40_000
 """More than the daemon may ever say in a second, whatever it is asked [bytes]."""
 REQUIRED = ("acc_m_s2", "gyro_rad_s", "static_press_pa", "temperature_k", "aoa_rad", "speed_rpm")
@@ -61,6 +70,7 @@ ASKED = (
 )
 """Messages that a component may feel spoken to by: half of what is made up."""
 SENDERS = ((1, 1), (1, 1), (255, 190), (255, 190), (1, 191), (7, 1), (51, 68), (1, 195))
+NAMES = [tunable.name for tunable in (*TUNABLES, RESET)]
 COMMANDS = (246, 400, 510, 511, 512, 520, 42428, 0, 65535)
 
 
@@ -99,8 +109,17 @@ class Life:
         self.decoder, self.pipeline = Decoder(settings.links.decoder_options()), Pipeline(settings)
         self.publisher = Publisher(settings.publish)
         self.identity = identify(settings, self.decoder)
+        tuning = Tuning(settings, (self.pipeline.retune, self.publisher.retune))
+        self.parameters = Parameters(
+            settings.component, self.identity, tuning, lambda: self.pipeline.flying
+        )
         self.component = assemble(
-            settings, self.identity, self.decoder, self.pipeline, self.publisher
+            settings,
+            self.identity,
+            self.decoder,
+            self.pipeline,
+            self.publisher,
+            others=[self.parameters],
         )
         self.gate = Reception(ReceptionOptions(), LINKS, verifier, self.component.wants)
         self.signer = None if self.key is None else Signer(self.key, clock, 0)
@@ -188,8 +207,8 @@ def _payload(rng: np.random.Generator, message: Message) -> bytes:
             number = float(rng.choice([0, 1, 30, 74, 253, 265, 1e9, -1, -2]))
             payload[at : at + 4] = np.float32(number).tobytes()
         elif name == "param_id" and rng.random() < 0.7:
-            text = rng.choice([b"ARSPD_RATIO", b"MUTE_IMU0", b"ARSPD2_TYPE", b"\xff" * 16])
-            payload[at : at + 16] = bytes(text).ljust(16, b"\0")
+            text = str(rng.choice(["ARSPD_RATIO", "\x7f" * 16, *NAMES]))
+            payload[at : at + 16] = text.encode().ljust(16, b"\0")
         elif name == "target_system" and rng.random() < 0.8:
             payload[at] = int(rng.choice([0, 1]))
         elif name == "target_component" and rng.random() < 0.8:
@@ -342,15 +361,53 @@ def check_admitted(admitted: list[bytes], genuine: set[bytes]) -> int:
     return len(seen)
 
 
-def run_live(count: int, seed: int, only: int | None = None, most: int | None = None) -> Lives:
-    """Lives until ``count`` bytes went through."""
+def run_live(
+    count: int,
+    seed: int,
+    only: int | None = None,
+    most: int | None = None,
+    *,
+    watch: bool = False,
+) -> Lives:
+    """Lives until ``count`` bytes went through; with ``watch`` one that hangs ends the process."""
     tally = Lives()
     for number in itertools.count() if only is None else [only]:
+        if watch:
+            faulthandler.dump_traceback_later(SECONDS, exit=True)
         try:
             live(number, seed, tally, most)
         except BaseException:
             print(f"python -m tests.links.fuzz live --seed {seed} --only {number}", flush=True)
             raise
+        if watch:
+            faulthandler.cancel_dump_traceback_later()
         if tally.bytes >= count:
             break
     return tally
+
+
+def work(count: int, seed: int, only: int | None) -> None:
+    """The command: lives within a bound of memory, and what went through them."""
+    flights()
+    for number in range(SIGNED):  # compile and load before measuring
+        live(number, 0, Lives())
+    with open("/proc/self/statm") as statm:
+        before = int(statm.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (before + ROOM, resource.RLIM_INFINITY))
+    peak_kb, begun = _peak_kb(), time.perf_counter()
+    tally = run_live(count, seed, only, watch=True)
+    took_s, grown_kb = time.perf_counter() - begun, _peak_kb() - peak_kb
+    kinds = ", ".join(f"{name} {n}" for name, n in sorted(tally.kinds.items()))
+    refused = ", ".join(f"{why} {n}" for why, n in sorted(tally.refused.items()))
+    print(
+        f"live: {tally.bytes} bytes in {tally.lives} lives of {tally.turns} turns, seed {seed}: "
+        f"none failed; {tally.rows} rows, {tally.heard} messages heard, {tally.out} bytes said; "
+        f"{tally.signed} lives demanded signatures and let in {tally.genuine} frames, all genuine; "
+        f"{took_s:.0f} s, slowest turn {tally.slowest_s:.2f} s; peak memory "
+        f"{(peak_kb + grown_kb) / 1024:.0f} MiB, {grown_kb / 1024:.0f} MiB more than after the "
+        f"first three lives\n  refused: {refused}\n  mutations: {kinds}"
+    )
+
+
+def _peak_kb() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

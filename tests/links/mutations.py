@@ -213,7 +213,7 @@ def _seal(data: bytearray, frames: list[Place], at: int) -> None:
     two = data[start] == 0xFD
     number = int.from_bytes(data[start + 7 : start + 10], "little") if two else data[start + 5]
     end = start + (10 if two else 6) + data[start + 1]
-    extra = int(extras[number]) if number < len(extras) else 0
+    extra = max(int(extras[number]) - 1, 0) if number < len(extras) else 0
     data[end : end + 2] = struct.pack("<H", mcrf4xx(bytes(data[start + 1 : end]) + bytes([extra])))
 
 
