@@ -277,7 +277,8 @@ def _work(reader: str, count: int, seed: int, folder: Path, only: int | None) ->
     if reader == "live":
         from .fuzz_live import work
 
-        return work(count, seed, only)
+        work(count, seed, only)
+        return
     for sound in (s for part in sounds(reader) for s in part):  # compile and load before measuring
         (folder / "sound").write_bytes(sound.data)
         examine(reader, folder / "sound", analyzed=True, tally=Tally())
