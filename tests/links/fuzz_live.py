@@ -8,7 +8,7 @@ the damage keeps the checksum right, so that it reaches fields, requests and clo
 pieces of 1 byte to 16 kB from a few peers. Every third life demands signatures, with genuine ones
 among the forged.
 
-A life fails when anything is raised, a warning included, when it takes longer than two minutes, when
+A life fails when anything is raised, a warning included, when it takes over two minutes, when
 a row breaks what :mod:`links.samples` promises, when what we say is no frame of ours, when answers
 outgrow what was asked, or when, with signatures demanded, anything but a genuine frame is let in,
 or one of them twice.
