@@ -1,24 +1,28 @@
-"""The working loop of ``mavsentry run``: a link in, the pipeline, messages out.
+"""The working loop of ``mavsentry run``: links in, the pipeline, messages out.
 
-One thread. A turn gathers what has arrived, decodes it, feeds the pipeline and sends what is due.
-Vehicle time drives every verdict; the host's monotonic clock decides only that the link is silent,
-paces what is sent, and measures how long we took.
+One thread. A turn gathers what has arrived, lets in what may come in, decodes it, feeds the
+pipeline, shows the component what concerns it, and sends what is due. Vehicle time drives every
+verdict; the host's monotonic clock decides only that the link is silent, paces what is sent, and
+measures how long we took. Nothing here waits for anything but the links.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
 
+from links.endpoints.hub import Arrival
+from links.mavlink.heard import Heard
+from links.mavlink.reception import Reception
 from links.samples import Batch
 from monitor.latency import Latency, LatencyMeter
+from monitor.outbox import Outbox
 from monitor.publish import Message, Publisher
 from monitor.settings.links import LinkSettings
 from monitor.verdict import StepResult
 
-__all__ = ["Daemon", "Host", "Link", "Recording", "Status"]
+__all__ = ["Daemon", "Host", "Links", "Parts", "Recording", "Status"]
 
 IDLE_S = 0.05
 """Longest wait for a datagram: the heartbeat and a request to stop are seen this often."""
@@ -30,15 +34,53 @@ RECENT = 256
 """Answers that the latency shown while the loop runs is of: half a minute or so."""
 
 
-class Link(Protocol):
-    """What the loop needs of ``links.endpoints.Endpoint``."""
+class Links(Protocol):
+    """What the loop needs of ``links.endpoints.hub.Hub``."""
 
-    def recv(self, timeout_s: float) -> list[tuple[bytes, int]]:
-        """Datagrams and when they arrived (host monotonic [us]); empty after ``timeout_s``."""
+    def recv(self, timeout_s: float) -> list[Arrival]:
+        """What arrived on any link; empty after ``timeout_s``."""
         ...
 
-    def send(self, data: bytes) -> object:
-        """Send one datagram; a peer that is missing or gone is counted, not raised."""
+    def accepted(self, link: int, peer: object) -> None:
+        """A frame of this peer was let in."""
+        ...
+
+    def tend(self, now_us: int) -> None:
+        """What time makes due: lost links are opened again."""
+        ...
+
+
+class Guarding(Protocol):
+    """What the loop needs of ``monitor.security.Gate``."""
+
+    @property
+    def reception(self) -> Reception:
+        """Lets frames in."""
+        ...
+
+    def tend(self, now_us: int) -> None:
+        """What time makes due."""
+        ...
+
+
+class Serving(Protocol):
+    """What the loop needs of ``monitor.component.Component``."""
+
+    @property
+    def address(self) -> tuple[int, int] | None:
+        """System and component id to send as; None while nothing may be sent yet."""
+        ...
+
+    def hear(self, heard: Heard, now_us: int) -> list[Message]:
+        """Answers to an accepted message."""
+        ...
+
+    def due(self, now_us: int) -> list[Message]:
+        """What time makes due."""
+        ...
+
+    def close(self, now_us: int) -> list[Message]:
+        """What must be said at the end."""
         ...
 
 
@@ -103,11 +145,15 @@ class Status:
     silent_s
         For how long nothing was heard of it (host's clock) [s]; None before anything was.
     turns, datagrams, rows, sent
-        Counts since the start.
+        Counts since the start; ``sent`` of messages, whatever the number of links.
     latency
         From the arrival of the oldest datagram of a turn to our last datagram of that turn, over
         turns that sent something beside a heartbeat. A datagram that waited while we worked counts
         from when the loop last looked.
+    beat_gap_s
+        Longest time between two heartbeats so far [s].
+    refused
+        Frames that were not let in.
     """
 
     t_us: int | None
@@ -118,6 +164,32 @@ class Status:
     rows: int
     sent: int
     latency: Latency
+    beat_gap_s: float = 0.0
+    refused: int = 0
+
+
+class Parts(NamedTuple):
+    """What a daemon is put together of.
+
+    Attributes
+    ----------
+    links, gate
+        Where bytes come from, and who of them is let in.
+    decoder, pipeline, publisher
+        Bytes to samples to verdicts to messages.
+    component
+        Our duties on the network.
+    outbox
+        Where messages leave.
+    """
+
+    links: Links
+    gate: Guarding
+    decoder: Decoding
+    pipeline: Judging
+    publisher: Publisher
+    component: Serving
+    outbox: Outbox
 
 
 class Daemon:
@@ -125,39 +197,27 @@ class Daemon:
 
     Parameters
     ----------
-    source
-        Where the vehicle's bytes come from.
-    sinks
-        Where messages go; may contain ``source``.
-    decoder, pipeline, publisher
-        The three stages.
-    encode
-        Message -> bytes; it knows the system id, which is the vehicle's.
-    record
-        Takes every datagram received, with its arrival, and every frame sent once the vehicle is
-        known; None records nothing.
+    parts
+        The stages; see :class:`Parts`.
     settings
         Of the links section: silence and gathering times.
+    record
+        Takes every datagram received, with its arrival, and of every message sent once the vehicle
+        is known the frame; None records nothing.
     """
 
     def __init__(
         self,
-        source: Link,
-        sinks: Sequence[Link],
-        decoder: Decoding,
-        pipeline: Judging,
-        publisher: Publisher,
-        encode: Callable[[Message], bytes],
+        parts: Parts,
         settings: LinkSettings,
         record: Recording | None = None,
         host: Host | None = None,
     ) -> None:
-        self._source = source
-        self._sinks = tuple(sinks)
-        self._decoder = decoder
-        self._pipeline = pipeline
-        self._publisher = publisher
-        self._encode = encode
+        self._links, self._gate = parts.links, parts.gate
+        self._reception = parts.gate.reception
+        self._decoder, self._pipeline = parts.decoder, parts.pipeline
+        self._publisher, self._component = parts.publisher, parts.component
+        self._outbox = parts.outbox
         self._record = record
         self._host = host or Host()
         self._coalesce_us = round(settings.coalesce_ms * 1e3)
@@ -168,7 +228,9 @@ class Daemon:
         self._worked_us = self._looked_us - self._coalesce_us
         self._heard_us: int | None = None
         self._t_us: int | None = None
-        self._turns = self._datagrams = self._rows = self._sent = 0
+        self._beat_us: int | None = None
+        self._beat_gap_us = 0
+        self._turns = self._datagrams = self._rows = self._sent = self._refused = 0
 
     def turn(self) -> StepResult:
         """One turn of the loop: at most :data:`IDLE_S` of waiting, then all that is due."""
@@ -182,15 +244,21 @@ class Daemon:
             took_us = self._host.now_us() - oldest_us
             self._meter.add(took_us)
             self._recent.add(took_us)
+        now_us = self._host.now_us()
+        self._links.tend(now_us)
+        self._gate.tend(now_us)
         self._turns += 1
         return result
 
     def finish(self) -> StepResult:
-        """Judge what still waits for bytes or the watermark, and send what that makes due."""
+        """Judge what still waits for bytes or the watermark; say that, and goodbye."""
         results = (self._pipeline.feed(self._decoder.finish()), self._pipeline.finish())
         for result in results:
             self._publisher.note(result)
         self._send_due()
+        now_us = self._host.now_us()
+        self._outbox.put(self._component.close(now_us))
+        self._flush(now_us)
         return StepResult([v for result in results for v in result.verdicts])
 
     def status(self, recent: bool = False) -> Status:
@@ -208,17 +276,19 @@ class Daemon:
             self._rows,
             self._sent,
             (self._recent if recent else self._meter).read(),
+            self._beat_gap_us / 1e6,
+            self._refused,
         )
 
     def discard_waiting(self) -> int:
         """Drop what piled up while the program was getting ready; return how many datagrams."""
         dropped = 0
-        while dropped < 16 * DATAGRAMS_MAX and (waiting := self._source.recv(0.0)):
+        while dropped < 16 * DATAGRAMS_MAX and (waiting := self._links.recv(0.0)):
             dropped += len(waiting)
         self._looked_us = self._host.now_us()
         return dropped
 
-    def _gather(self) -> tuple[list[tuple[bytes, int]], int]:
+    def _gather(self) -> tuple[list[Arrival], int]:
         """What has arrived, and the earliest time at which the oldest of it can have arrived.
 
         Waking up for each datagram costs more than working on it, so after the first one the rest
@@ -226,47 +296,68 @@ class Daemon:
         """
         looked_us = self._looked_us
         called_us = self._host.now_us()
-        arrived = list(self._source.recv(IDLE_S))
+        arrived = list(self._links.recv(IDLE_S))
         self._looked_us = self._host.now_us()
         if not arrived:
             return [], self._looked_us
         waited = self._looked_us - called_us > 500
-        oldest_us = arrived[0][1] if waited else min(looked_us, arrived[0][1])
+        first_us = min(arrival.host_us for arrival in arrived)
+        oldest_us = first_us if waited else min(looked_us, first_us)
         rest_us = self._worked_us + self._coalesce_us - self._looked_us
         if rest_us > 0:
             self._host.sleep(rest_us / 1e6)
-        while len(arrived) < DATAGRAMS_MAX and (more := self._source.recv(0.0)):
+        while len(arrived) < DATAGRAMS_MAX and (more := self._links.recv(0.0)):
             arrived += more
         self._looked_us = self._host.now_us()
         return arrived, oldest_us
 
-    def _use(self, arrived: list[tuple[bytes, int]]) -> StepResult:
+    def _use(self, arrived: list[Arrival]) -> StepResult:
         self._datagrams += len(arrived)
         if self._record is not None:
-            for data, host_us in arrived:
+            for _, data, host_us, _ in arrived:
                 self._record.take(data, host_us)
-        batch = self._decoder.feed(b"".join(data for data, _ in arrived), arrived[-1][1])
+        received = self._reception.take(arrived)
+        for link, peer in received.peers:
+            self._links.accepted(link, peer)
+        newest_us = arrived[-1].host_us
+        batch = self._decoder.feed(received.data, newest_us) if received.data else Batch()
+        if received.rejected:
+            self._refused += received.rejected.total()
+            batch = replace(batch, rejected=batch.rejected + received.rejected)
         if len(batch):
             self._rows += len(batch)
-            self._heard_us = arrived[-1][1]
-            newest_us = max(int(rows["t_us"].max()) for rows in batch.rows.values() if len(rows))
-            self._t_us = newest_us if self._t_us is None else max(self._t_us, newest_us)
+            self._heard_us = newest_us
+            t_us = max(int(rows["t_us"].max()) for rows in batch.rows.values() if len(rows))
+            self._t_us = t_us if self._t_us is None else max(self._t_us, t_us)
         result = self._pipeline.feed(batch)
         self._publisher.note(result)
+        for heard in received.heard:
+            self._outbox.put(self._component.hear(heard, self._looked_us))
         return result
 
     def _silent(self, now_us: int) -> bool:
         return self._heard_us is None or now_us - self._heard_us > self._silent_us
 
     def _send_due(self) -> bool:
-        """Send what is due; say whether there was anything beside a heartbeat."""
+        """Send what is due; say whether the publisher had anything beside a heartbeat."""
         now_us = self._host.now_us()
-        messages = self._publisher.due(now_us, self._t_us, self._silent(now_us))
-        for message in messages:
-            data = self._encode(message)
-            for sink in self._sinks:
-                sink.send(data)
-            if self._record is not None and self._t_us is not None:
-                self._record.take_sent(data, now_us)
-        self._sent += len(messages)
-        return any(m.name != "HEARTBEAT" for m in messages)
+        self._outbox.put(self._component.due(now_us))
+        address = self._reception.own = self._component.address
+        published: list[Message] = []
+        if address is not None:
+            published = self._publisher.due(now_us, self._t_us, self._silent(now_us))
+            self._outbox.put(published)
+        self._flush(now_us)
+        names = {message.name for message in published}
+        if "HEARTBEAT" in names:
+            if self._beat_us is not None:
+                self._beat_gap_us = max(self._beat_gap_us, now_us - self._beat_us)
+            self._beat_us = now_us
+        return not names <= {"HEARTBEAT"}
+
+    def _flush(self, now_us: int) -> None:
+        frames = self._outbox.flush()
+        self._sent += len(frames)
+        if self._record is not None and self._t_us is not None:
+            for frame in frames:
+                self._record.take_sent(frame, now_us)

@@ -23,6 +23,7 @@ from monitor.settings.engine import EngineSettings
 from monitor.settings.imu import ImuSettings
 from monitor.settings.learnt import LearntSettings
 from monitor.settings.links import LinkSettings
+from monitor.settings.log import LogSettings
 from monitor.settings.mute import MuteSettings
 from monitor.settings.phase import PhaseSettings
 from monitor.settings.publish import PublishSettings
@@ -74,6 +75,7 @@ class Settings(Section):
     security: SecuritySettings = Field(default_factory=SecuritySettings)
     checkpoint: CheckpointSettings = Field(default_factory=CheckpointSettings)
     web: WebSettings = Field(default_factory=WebSettings)
+    log: LogSettings = Field(default_factory=LogSettings)
     learnt: LearntSettings = Field(default_factory=LearntSettings)
 
 

@@ -8,7 +8,13 @@ __all__ = ["RecorderSettings"]
 
 
 class RecorderSettings(Section):
-    """Bounds of ``run --record DIR``."""
+    """Where ``run`` records, and the bounds."""
+
+    folder: str = Field(
+        "",
+        description="Record what is received and published as .tlog in this folder (run --record); "
+        "empty records nothing.",
+    )
 
     file_max_mb: float = Field(
         256.0, gt=0, description="A new file is begun when one has this size, megabytes."

@@ -8,7 +8,13 @@ __all__ = ["WebSettings"]
 
 
 class WebSettings(Section):
-    """What ``run --web HOST:PORT`` serves."""
+    """What ``run`` serves for browsers and Prometheus."""
+
+    address: str = Field(
+        "",
+        description="Serve the live page and metrics there (run --web), such as 127.0.0.1:8080; "
+        "empty serves none.",
+    )
 
     rate_hz: float = Field(
         5.0, ge=1.0, le=10.0, description="Snapshots of the daemon sent to the live page."

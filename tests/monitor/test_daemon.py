@@ -5,11 +5,17 @@ from collections import deque
 import numpy as np
 import pytest
 
+from links.endpoints.hub import Arrival
+from links.mavlink import Encoder
+from links.mavlink.heard import Heard
+from links.mavlink.reception import Reception, ReceptionOptions
 from links.samples import Batch, empty_rows
-from links.vocabulary import State
-from monitor.daemon import DATAGRAMS_MAX, IDLE_S, Daemon
+from links.vocabulary import Rejection, State
+from monitor.daemon import DATAGRAMS_MAX, IDLE_S, Daemon, Parts
 from monitor.latency import LatencyMeter
-from monitor.publish import Publisher
+from monitor.outbox import Outbox
+from monitor.publish import Message, Publisher
+from monitor.security import Gate
 from monitor.settings.links import LinkSettings
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import StepResult, Verdict
@@ -30,17 +36,18 @@ class FakeHost:
         self.slept_us += round(seconds * S)
 
 
-class FakeLink:
+class FakeHub:
     """Datagrams at planned host times; waiting for one moves the fake clock."""
 
     def __init__(self, host, plan=()):
         self.host = host
         self.plan = deque(plan)
         self.sent = []
-        self.receptions = 0
+        self.on = []
+        self.believed = []
+        self.tended_us = []
 
     def recv(self, timeout_s):
-        self.receptions += 1
         end_us = self.host.us + round(timeout_s * S)
         if self.plan and self.host.us < self.plan[0][1] <= end_us:
             self.host.us = self.plan[0][1]
@@ -49,12 +56,19 @@ class FakeLink:
             return []
         out = []
         while self.plan and self.plan[0][1] <= self.host.us:
-            data, _ = self.plan.popleft()
-            out.append((data, self.host.us))
+            data, _, *link = self.plan.popleft()
+            out.append(Arrival(*(link or [0]), data, self.host.us, None))
         return out
 
-    def send(self, data):
+    def send(self, data, link):
         self.sent.append((self.host.us, data))
+        self.on.append(link)
+
+    def accepted(self, link, peer):
+        self.believed.append((link, peer))
+
+    def tend(self, now_us):
+        self.tended_us.append(now_us)
 
 
 class FakeDecoder:
@@ -92,22 +106,50 @@ class FakePipeline:
         return StepResult([Verdict(9 * S, "aoa0", State.FAULTY)])
 
 
-def build(plan=(), work_us=0, coalesce_ms=20.0, record=None):
+class FakeComponent:
+    """Answers what it hears on the link where it heard it, and says goodbye."""
+
+    def __init__(self, address):
+        self.address = address
+        self.heard = []
+
+    def hear(self, heard, now_us):
+        self.heard.append(heard)
+        return [Message("COMMAND_ACK", {"command": 7}, heard.link)]
+
+    def due(self, now_us):
+        return []
+
+    def close(self, now_us):
+        return [Message("STATUSTEXT", {"text": "goodbye"})]
+
+
+class FakeOutbox(Outbox):
+    """Frames that a person can read."""
+
+    def _frame(self, message, address, link):
+        return f"{message.name} {message.fields.get('name', '')}".encode()
+
+
+def build(
+    plan=(), work_us=0, coalesce_ms=20.0, record=None, links=1, address=(1, 191), pipeline=None
+):
     host = FakeHost()
-    link = FakeLink(host, plan)
+    hub = FakeHub(host, plan)
     decoder = FakeDecoder()
-    daemon = Daemon(
-        link,
-        [link],
+    component = FakeComponent(address)
+    options = ReceptionOptions()
+    reception = Reception(options, [f"link {k}" for k in range(links)], wants=["COMMAND_LONG"])
+    parts = Parts(
+        hub,
+        Gate(reception),
         decoder,
-        FakePipeline(host, work_us),
+        pipeline or FakePipeline(host, work_us),
         Publisher(PublishSettings()),
-        lambda m: m.name.encode() + b" " + str(m.fields.get("name", "")).encode(),
-        LinkSettings(coalesce_ms=coalesce_ms),
-        record,
-        host,
+        component,
+        FakeOutbox(hub.send, range(links), lambda: component.address),
     )
-    return daemon, host, link, decoder
+    return Daemon(parts, LinkSettings(coalesce_ms=coalesce_ms), record, host), host, hub, decoder
 
 
 def steady(seconds, hz, start_us=50 * S + 1000):
@@ -192,14 +234,15 @@ def test_latency_counts_waiting_for_the_gathering_and_for_the_last_turns_work():
 def test_a_flood_is_bounded_per_turn_and_not_lost():
     flood = [(b"v", 50 * S + 1000)] * (3 * DATAGRAMS_MAX)
 
-    class Trickle(FakeLink):
+    class Trickle(FakeHub):
         def recv(self, timeout_s):
             if self.plan and self.plan[0][1] <= self.host.us:
-                return [self.plan.popleft()]
+                data, host_us = self.plan.popleft()
+                return [Arrival(0, data, host_us, None)]
             return super().recv(timeout_s) if timeout_s else []
 
     daemon, host, _, decoder = build()
-    daemon._source = Trickle(host, flood)
+    daemon._links = Trickle(host, flood)
     host.us += 2000
     daemon.turn()
     assert len(decoder.feeds[0]) == DATAGRAMS_MAX
@@ -208,12 +251,89 @@ def test_a_flood_is_bounded_per_turn_and_not_lost():
     assert daemon.status().rows == 3 * DATAGRAMS_MAX
 
 
-def test_finishing_judges_and_sends_what_still_waited():
+def test_finishing_judges_and_sends_what_still_waited_and_says_goodbye_last():
     daemon, host, link, _ = build(steady(1.0, 50))
     spin(daemon, host, 1.0)
+    link.sent.clear()
     result = daemon.finish()
     assert [v.sensor for v in result.verdicts] == ["aoa0"]
-    assert link.sent[-1][0] == host.us
+    kinds = [data for _, data in link.sent]
+    assert b"NAMED_VALUE_FLOAT FLT_AIR" in kinds
+    assert kinds[-1] == b"STATUSTEXT "
+
+
+def test_nothing_leaves_while_we_have_no_address():
+    daemon, host, hub, _ = build(steady(3.0, 50), address=None)
+    spin(daemon, host, 3.0)
+    assert daemon.status().rows > 100
+    assert hub.sent == []
+    daemon._component.address = (1, 192)
+    daemon.turn()
+    assert b"HEARTBEAT " in {data for _, data in hub.sent}
+    assert b"NAMED_VALUE_FLOAT FLT_AIR" in {data for _, data in hub.sent}
+
+
+def command():
+    return Encoder(255, 190).encode("COMMAND_LONG", command=512, target_system=1)
+
+
+def test_a_message_for_us_is_answered_in_its_turn_on_its_own_link():
+    daemon, host, hub, _ = build([(command(), 50 * S + 700_000, 1)], links=3)
+    spin(daemon, host, 1.0)
+    (heard,) = daemon._component.heard
+    assert isinstance(heard, Heard)
+    assert (heard.name, heard.system, heard.link) == ("COMMAND_LONG", 255, 1)
+    answers = [(t, on) for (t, d), on in zip(hub.sent, hub.on, strict=True) if b"ACK" in d]
+    assert answers == [(50 * S + 700_000, 1)]
+    assert hub.believed == [(1, None)]
+
+
+def test_what_came_in_is_never_sent_on():
+    plan = [(command(), 50 * S + k * 10_000, k % 2) for k in range(1, 300)]
+    daemon, host, hub, _ = build(plan, links=2)
+    spin(daemon, host, 4.0)
+    assert len(daemon._component.heard) == 299
+    assert {data.split(b" ")[0] for _, data in hub.sent} == {b"HEARTBEAT", b"COMMAND_ACK"}
+
+
+def test_what_is_published_leaves_on_every_output():
+    daemon, host, hub, _ = build(steady(1.5, 50), links=3)
+    spin(daemon, host, 1.5)
+    beats = [on for (_, data), on in zip(hub.sent, hub.on, strict=True) if b"HEART" in data]
+    assert beats == [0, 1, 2] * 2
+    assert daemon.status().sent * 3 == len(hub.sent)
+
+
+def test_refused_frames_are_counted_with_the_rest():
+    class Keeping(FakePipeline):
+        def feed(self, batch):
+            self.rejected = getattr(self, "rejected", 0) + batch.rejected.total()
+            self.reasons = batch.rejected or getattr(self, "reasons", None)
+            return super().feed(batch)
+
+    secret = Encoder(255, 190).encode("SETUP_SIGNING")
+    pipeline = Keeping(FakeHost())
+    daemon, host, _, decoder = build([(secret, 51 * S, 1)] * 3, links=2, pipeline=pipeline)
+    spin(daemon, host, 2.0)
+    assert daemon.status().refused == pipeline.rejected == 3
+    assert set(pipeline.reasons) == {("frame", Rejection.SECRET)}
+    assert not any(decoder.feeds)
+
+
+def test_links_are_tended_in_every_turn_also_without_traffic():
+    daemon, host, hub, _ = build()
+    turns = len(spin(daemon, host, 5.0))
+    assert len(hub.tended_us) == turns
+    assert max(np.diff(hub.tended_us)) <= IDLE_S * S
+
+
+def test_the_longest_gap_between_heartbeats_is_kept():
+    daemon, host, _, _ = build(steady(10.0, 50))
+    spin(daemon, host, 4.0)
+    assert daemon.status().beat_gap_s == pytest.approx(1.0, abs=IDLE_S)
+    host.us += 2 * S  # the loop hung
+    spin(daemon, host, 4.0)
+    assert daemon.status().beat_gap_s == pytest.approx(3.0, abs=1.0)
 
 
 class FakeRecorder:

@@ -1,0 +1,238 @@
+"""Puts the daemon of ``run`` together: links, gate, stages, component, recorder, page."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from monitor.commands.common import Refused
+
+if TYPE_CHECKING:
+    from links.endpoints import Endpoint, Hub
+    from links.mavlink import Decoder
+    from monitor.commands.live.page import LivePage
+    from monitor.component import Component
+    from monitor.daemon import Daemon
+    from monitor.outbox import Outbox
+    from monitor.pipeline import Pipeline
+    from monitor.publish import Publisher
+    from monitor.recorder import Recorder
+    from monitor.security import Gate
+    from monitor.settings import Settings
+    from monitor.tuning import Tuning
+    from monitor.verdict import StepResult
+
+__all__ = ["Links", "Running", "assemble", "open_links"]
+
+SLOW_START_S = 5.0
+"""Getting ready for longer than this (kernels were compiled) leaves only old data waiting."""
+
+Look = Callable[["StepResult"], None]
+
+
+@dataclass(frozen=True)
+class Links:
+    """The links of a daemon.
+
+    Attributes
+    ----------
+    hub
+        All of them: inputs, then outputs.
+    inputs
+        How many of them are inputs.
+    outputs
+        Numbers of those that are published on.
+    from_file
+        An input is a log: it ends, and takes nothing.
+    """
+
+    hub: Hub
+    inputs: int
+    outputs: tuple[int, ...]
+    from_file: bool
+
+    @property
+    def title(self) -> str:
+        """The inputs, for people."""
+        return ", ".join(self.hub.names[: self.inputs])
+
+
+@dataclass(frozen=True)
+class Running:
+    """A daemon and what goes with it.
+
+    Attributes
+    ----------
+    tuning
+        The settings in force; changes them in flight.
+    unused
+        What of the kept parameters could not be used, a sentence; None if all could.
+    looks
+        Each sees the result of every turn.
+    """
+
+    links: Links
+    tuning: Tuning
+    gate: Gate
+    decoder: Decoder
+    pipeline: Pipeline
+    publisher: Publisher
+    component: Component
+    outbox: Outbox
+    daemon: Daemon
+    recorder: Recorder | None
+    page: LivePage | None
+    unused: str | None = None
+    looks: list[Look] = field(default_factory=list)
+
+    def beside(self) -> Sequence[str]:
+        """The recording, the page's address and what an operator must know, for the screen."""
+        said = [] if self.page is None else [f"page {self.page.url}"]
+        if self.recorder is not None:
+            file = f"{self.recorder.path.name}, {self.recorder.file_bytes / 1e6:.1f} MB"
+            said.append(self.recorder.stopped or f"recording {file}")
+        return [*said, *self.gate.notes, *self.component.notes, *self.component.facts]
+
+    def notes(self) -> tuple[str, ...]:
+        """What an operator must know now, a sentence each."""
+        stopped = self.recorder.stopped if self.recorder is not None else None
+        said = [text for text in (stopped, self.unused) if text is not None]
+        return (*said, *self.gate.notes, *self.component.notes)
+
+
+def open_links(settings: Settings, stack: ExitStack) -> Links:
+    """Open every link that the settings name; the stack closes them.
+
+    Raises
+    ------
+    Refused
+        One of them cannot be opened.
+    """
+    from links.endpoints import Hub, LinkError, open_endpoint
+    from links.endpoints.files import LogEndpoint
+
+    here = settings.links
+    how = here.link_options()
+
+    def opened(name: str, *, write: bool = False) -> Endpoint:
+        link: Endpoint = open_endpoint(name, write=write, dialect=here.dialect, options=how)
+        return stack.enter_context(link)
+
+    try:
+        inputs = [opened(name) for name in here.inputs]
+        outputs = [opened(name, write=True) for name in here.outputs]
+    except LinkError as error:
+        raise Refused(str(error)) from None
+    first = 0 if settings.publish.to_input else len(inputs)
+    return Links(
+        Hub([*inputs, *outputs]),
+        len(inputs),
+        tuple(range(first, len(inputs) + len(outputs))),
+        any(isinstance(link, LogEndpoint) for link in inputs),
+    )
+
+
+def assemble(
+    settings: Settings,
+    links: Links,
+    page: LivePage | None,
+    say: Callable[[str], None],
+    stack: ExitStack,
+) -> Running:
+    """Build the stages and load their kernels while the links' buffers already fill.
+
+    Raises
+    ------
+    Refused
+        A part cannot work as it is configured.
+    """
+    began_s = time.monotonic()
+    from links.mavlink import Decoder, Encoder
+    from monitor.component.assembly import assemble as assemble_component
+    from monitor.component.assembly import identify
+    from monitor.component.parameter_file import ParameterFile, parameter_path, read_parameters
+    from monitor.component.parameters import Parameters
+    from monitor.daemon import Daemon, Parts
+    from monitor.outbox import Outbox
+    from monitor.pipeline import Pipeline
+    from monitor.places import state_folder
+    from monitor.publish import Publisher
+    from monitor.security import open_gate
+    from monitor.tuning import Tuning
+    from monitor.warmup import warm_up
+
+    kept = parameter_path(settings)
+    own, unused = read_parameters(kept, settings)
+    tuning = Tuning(settings, own=own)
+    settings = tuning.settings
+    here, hub = settings.links, links.hub
+    try:
+        decoder = Decoder(here.decoder_options())
+        recorder = _recorder(settings, stack)
+        gate = open_gate(
+            settings, hub.names, os.environ, state_folder(), inputs=range(links.inputs)
+        )
+    except ValueError as error:
+        raise Refused(str(error)) from None
+    stack.enter_context(gate)
+    publisher = Publisher(settings.publish, Encoder(1, here.component_id, here.dialect).has)
+    warm_up(settings, say)
+    pipeline = Pipeline(settings, taps=page.taps if page else ())
+    tuning.add(pipeline.retune, publisher.retune)
+    identity = identify(settings, decoder)
+    keeping = ParameterFile(kept)
+    stack.callback(keeping.close)
+    parameters = Parameters(settings.component, identity, tuning, lambda: pipeline.flying, keeping)
+    component = assemble_component(
+        settings,
+        identity,
+        decoder,
+        pipeline,
+        publisher,
+        others=(parameters,),
+        capabilities=lambda: parameters.capabilities,
+        asks=settings.publish.to_input and not links.from_file,
+    )
+    gate.reception.listen(component.wants)
+    outbox = Outbox(
+        hub.send, links.outputs, lambda: component.address, gate.sign, component.sent, here.dialect
+    )
+    parts = Parts(hub, gate, decoder, pipeline, publisher, component, outbox)
+    daemon = Daemon(parts, here, recorder)
+    if time.monotonic() - began_s > SLOW_START_S and not links.from_file:
+        daemon.discard_waiting()
+    running = Running(
+        links=links,
+        tuning=tuning,
+        gate=gate,
+        decoder=decoder,
+        pipeline=pipeline,
+        publisher=publisher,
+        component=component,
+        outbox=outbox,
+        daemon=daemon,
+        recorder=recorder,
+        page=page,
+        unused=unused,
+    )
+    if page is not None:
+        running.looks.append(page.begin(daemon, pipeline, decoder.counters, recorder))
+    return running
+
+
+def _recorder(settings: Settings, stack: ExitStack) -> Recorder | None:
+    """The recorder, if a folder is named."""
+    if not settings.recorder.folder:
+        return None
+    from monitor.recorder import Recorder
+
+    folder = Path(settings.recorder.folder).expanduser()
+    try:
+        return stack.enter_context(Recorder(folder, settings.recorder, settings.links.dialect))
+    except OSError as error:
+        raise Refused(f"cannot record in {folder}: {error.strerror}") from None
