@@ -7,7 +7,7 @@ BENCH_STAMP := $(VENV)/.bench-installed
 BROWSER_STAMP := $(VENV)/.browser-installed
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
-.PHONY: install demo test test-external lint bench clean
+.PHONY: install demo test test-external lint bench audit clean
 
 install: $(STAMP)
 
@@ -45,6 +45,11 @@ test-external: $(BROWSER_STAMP)
 
 bench: $(BENCH_STAMP)
 	$(BIN)/mavsentry bench --json bench.json
+
+# Licences, wheels for 64-bit Arm and known vulnerabilities of what the daemon needs.
+audit: $(STAMP)
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check pip-audit
+	$(BIN)/python -m tests.audit
 
 clean:
 	rm -rf $(VENV) build dist demo-out bench.json
