@@ -1,4 +1,4 @@
-"""The audit of what the daemon needs; which packages there are today is the audit's own business."""
+"""The audit of what the daemon needs; which packages those are today is its own business."""
 
 from __future__ import annotations
 
