@@ -1,11 +1,20 @@
 """Where the shared oracle files and recorded flights are; tests skip where they are absent."""
 
 import os
+import tempfile
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_state():
+    """What a daemon keeps for its next start is not kept where the user's own one finds it."""
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STATE_DIRECTORY", folder)
+        yield
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

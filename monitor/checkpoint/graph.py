@@ -335,8 +335,8 @@ def _tuples(description: Any) -> Any:
     ]
 
 
-def _fit(fresh: Any, found: Any, where: str, seen: set[int]) -> None:
-    if fresh is None or id(fresh) in seen:
+def _fit(fresh: Any, found: Any, where: str, seen: set[tuple[int, int]]) -> None:
+    if fresh is None or (id(fresh), id(found)) in seen:
         return
     cls: Any = type(fresh)
     if cls is np.ndarray:
@@ -346,7 +346,7 @@ def _fit(fresh: Any, found: Any, where: str, seen: set[int]) -> None:
     if _ours(cls) and not issubclass(cls, Enum | Section):
         if type(found) is not cls:
             raise Damaged(f"{where} is not what it should be")
-        seen.add(id(fresh))
+        seen.add((id(fresh), id(found)))
         for name in _fleeting(cls):
             object.__setattr__(found, name, getattr(fresh, name))
         for name, part in _parts(fresh):
@@ -354,7 +354,9 @@ def _fit(fresh: Any, found: Any, where: str, seen: set[int]) -> None:
                 raise Damaged(f"{where}.{name} is missing")
             other, place = getattr(found, name), f"{where}.{name}"
             _fit(part, other, place, seen)
-            if issubclass(cls, tuple) and np.shape(part) != np.shape(other):
+            # what compiled code works on comes as named tuples of arrays, all made once
+            sized = issubclass(cls, tuple) and isinstance(part, np.ndarray)
+            if sized and part.shape != other.shape:
                 raise Damaged(f"{place} is of another size")
     elif cls in (list, tuple):
         if type(found) is cls and len(found) == len(fresh):

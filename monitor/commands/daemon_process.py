@@ -12,7 +12,10 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+
+from monitor.places import STATE_VARIABLE
 
 __all__ = ["DaemonProcess", "free_port"]
 
@@ -33,6 +36,9 @@ class DaemonProcess:
         Further arguments of ``run``.
     port
         UDP port that it listens on; None takes a free one.
+    state
+        Folder of what it keeps for its next start; None gives it an empty one and removes that, so
+        that it neither takes up what another has learnt nor leaves anything behind.
 
     Attributes
     ----------
@@ -44,11 +50,17 @@ class DaemonProcess:
         Host monotonic time of the start [s].
     """
 
-    def __init__(self, arguments: tuple[str, ...] = (), port: int | None = None) -> None:
+    def __init__(
+        self,
+        arguments: tuple[str, ...] = (),
+        port: int | None = None,
+        state: Path | None = None,
+    ) -> None:
         self.port = free_port() if port is None else port
         self.changes: list[tuple[float, dict[str, Any]]] = []
         self.last_status: dict[str, Any] | None = None
         self.started_s = time.monotonic()
+        self._own_state = own = TemporaryDirectory(prefix="mavsentry-")
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "monitor.cli", "run", "--json"),
@@ -57,6 +69,7 @@ class DaemonProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            env={**os.environ, STATE_VARIABLE: str(state) if state else own.name},
             # A Ctrl-C for us is no Ctrl-C for it: it is stopped by `stop`, after the last sample.
             start_new_session=True,
         )
@@ -112,6 +125,11 @@ class DaemonProcess:
         ticks = int(fields[11]) + int(fields[12])
         return ticks / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
+    def kill(self) -> None:
+        """End it at once, as the kernel does when memory is short; then read what it has said."""
+        self._process.kill()
+        self.stop()
+
     def stop(self, timeout_s: float = 10.0) -> int:
         """Ask it to end, read what it still says, return its exit status."""
         if self.running:
@@ -123,6 +141,7 @@ class DaemonProcess:
             status = self._process.wait()
         for reader in self._readers:
             reader.join(timeout_s)
+        self._own_state.cleanup()
         for stream in (self._process.stdout, self._process.stderr):
             if stream is not None:
                 stream.close()
