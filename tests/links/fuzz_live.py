@@ -45,7 +45,7 @@ from monitor.settings import Settings, load
 from monitor.tuning import Tuning
 from sim_feeds.player import frames_of
 
-from .mutations import FLOATS, Sound, drawn, mutated, stream_of
+from .mutations import FLOATS, drawn, mutated, stream_of
 
 LINKS = ("udpin:0.0.0.0:14550", "udpin:0.0.0.0:14551")
 PEERS = (("10.0.0.1", 14550), ("10.0.0.2", 14550), ("10.0.0.9", 5))
@@ -53,6 +53,8 @@ BYTES_PER_S = 20_000
 """Host time passes by so many bytes of the vehicle's."""
 SIGNED = 3
 """One life in so many demands signatures."""
+MADE_UP = 800
+"""Frames that are invented for a life; it sees them several times."""
 SECONDS = 120
 """Longer than any life may take, on a busy machine too."""
 ROOM = 1 << 30
@@ -226,9 +228,10 @@ def streams(
     rounds = int(rng.choice([1, 1, 1, 4]))
     chosen = [flights()[int(rng.random() < 0.2)] for _ in range(rounds)]
     vehicle = [frame for flight in chosen for frame in flight]
+    invented = [made_up(rng, senders) for _ in range(MADE_UP)]
     ground = []
     for frame in vehicle[:: int(rng.choice([2, 3, 10]))]:
-        ground += [frame] if rng.random() < 0.3 else [made_up(rng, senders)]
+        ground += [frame] if rng.random() < 0.3 else [invented[int(rng.integers(MADE_UP))]]
     genuine: set[bytes] = set()
     if key is not None:
         clock = SigningClock()
@@ -240,8 +243,8 @@ def streams(
         damage = [m for m in damage if m.kind != "cut" or m.at > 0.8]  # or little would be left
         for m in damage:
             tally.kinds[m.kind] = tally.kinds.get(m.kind, 0) + 1
-        sound: Sound = stream_of("live", b"".join(frames))
-        out.append(mutated(sound, damage))
+        data = b"".join(frames)
+        out.append(mutated(stream_of("live", data), damage) if damage else data)
     return out, genuine
 
 
