@@ -19,6 +19,8 @@ from links.samples import Batch
 from monitor.latency import Latency, LatencyMeter
 from monitor.outbox import Outbox
 from monitor.publish import Message, Publisher
+from monitor.retune import Retuned, blend
+from monitor.settings import Settings
 from monitor.settings.links import LinkSettings
 from monitor.verdict import StepResult
 
@@ -220,11 +222,11 @@ class Daemon:
         self._outbox = parts.outbox
         self._record = record
         self._host = host or Host()
-        self._coalesce_us = round(settings.coalesce_ms * 1e3)
-        self._silent_us = round(settings.silent_after_s * 1e6)
+        self._settings = settings
         self._meter = LatencyMeter()
         self._recent = LatencyMeter(RECENT)
         self._looked_us = self._host.now_us()
+        self._pace(settings)
         self._worked_us = self._looked_us - self._coalesce_us
         self._heard_us: int | None = None
         self._t_us: int | None = None
@@ -261,6 +263,13 @@ class Daemon:
         self._flush(now_us)
         return StepResult([v for result in results for v in result.verdicts])
 
+    def retune(self, settings: Settings) -> Retuned:
+        """Take new times of the links section; its other keys wait."""
+        fixed = type(settings.links).model_fields.keys() - {"silent_after_s", "coalesce_ms"}
+        self._settings, retuned = blend(self._settings, settings.links, fixed)
+        self._pace(self._settings)
+        return retuned.under("links")
+
     def status(self, recent: bool = False) -> Status:
         """Counts, silence and latency now; of the newest :data:`RECENT` answers only if asked.
 
@@ -287,6 +296,10 @@ class Daemon:
             dropped += len(waiting)
         self._looked_us = self._host.now_us()
         return dropped
+
+    def _pace(self, settings: LinkSettings) -> None:
+        self._coalesce_us = round(settings.coalesce_ms * 1e3)
+        self._silent_us = round(settings.silent_after_s * 1e6)
 
     def _gather(self) -> tuple[list[Arrival], int]:
         """What has arrived, and the earliest time at which the oldest of it can have arrived.

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import signal
-import sys
+import faulthandler
+import os
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from monitor.commands.common import ConfigFile, Profile, Refused, note
+from monitor.commands.common import ConfigFile, Profile, Refused
 from monitor.commands.live.asked import Asked
-from monitor.commands.live.turning import STOP, TELL, turn_until_stopped
+from monitor.commands.live.signals import Signals
+from monitor.commands.live.turning import turn_until_stopped
 
 if TYPE_CHECKING:
     from monitor.commands.live.assembly import Links
@@ -80,30 +80,64 @@ def run(
     ] = False,
 ) -> None:
     """Watch a live link: say what is faulty, and publish it over MAVLink."""
-    for number in STOP:  # until the loop runs; loading and compiling stop at once
-        signal.signal(number, lambda received, frame: sys.exit(0))
-    for number in TELL:
-        signal.signal(number, signal.SIG_IGN)
+    signals = Signals()
+    faulthandler.enable()  # says where it hung when the service manager's watchdog ends it
+    from monitor.service import Event, LogError, Notifier, open_event_log
+    from monitor.settings import SettingsError
+
+    notifier = Notifier()
     inputs, outputs = tuple(sources or ()), tuple(sinks or ())
     asked = Asked(profile, config, inputs, outputs, system_id, record, web, log)
     with ExitStack() as stack:
         from monitor.commands.live.assembly import assemble, open_links
-        from monitor.commands.screen import output, tell_status
-        from monitor.settings import SettingsError
+        from monitor.commands.live.telling import Telling
+        from monitor.commands.live.witness import Witness
+        from monitor.commands.screen import output, status_facts, status_line, tell_status
 
         try:
             settings = asked.settings()
-        except SettingsError as error:
+            events = open_event_log(settings.log.to, settings.log.level)
+        except (SettingsError, LogError) as error:
             raise Refused(str(error)) from None
+        stack.callback(notifier.close)
+        stack.callback(events.close)
+        tell = Telling(events, settings.log.to)
         # Before the rest, so that what arrives while we get ready waits in the links' buffers.
         links = open_links(settings, stack)
         page = _page(settings, links, stack)
-        note(f"mavsentry: listening on {links.title}")
-        running = assemble(settings, links, page, note, stack)
-        tell = partial(tell_status, json_lines=json_lines)
+        tell(Event.START, f"listening on {links.title}", **_started(settings, links))
+        running = assemble(settings, links, page, tell, notifier, stack)
+        running.looks.append(Witness(running, tell, notifier, running.now_us))
+        events.log(Event.READY, "the loop turns")
+
+        def reload() -> None:
+            done = running.tuning.reload(asked.settings, str(config or "the configuration"))
+            grave = "error" if done.failed else "info"
+            taken, waiting = list(done.retuned.taken), list(done.retuned.waiting)
+            tell(Event.RELOAD, done.sentence, grave, taken=taken, waiting=waiting)
+
+        def report(*, stopped: bool = False) -> None:
+            status = running.daemon.status()
+            tell_status(status, json_lines=json_lines, stopped=stopped)
+            event = Event.STOP if stopped else Event.STATUS
+            events.log(event, status_line(status), **status_facts(status))
+
         with output(json_lines, links.title, running.beside) as show:
-            turn_until_stopped(running, show, tell)
-        tell(running.daemon.status(), stopped=True)
+            turn_until_stopped(running, signals, notifier, show, report, reload)
+        report(stopped=True)
+
+
+def _started(settings: Settings, links: Links) -> dict[str, Any]:
+    """What the log's first entry says."""
+    from importlib.metadata import version
+
+    return {
+        "version": version("mavsentry"),
+        "profile": settings.profile,
+        "links": list(links.hub.names),
+        "record": settings.recorder.folder or None,
+        "pid": os.getpid(),
+    }
 
 
 def _page(settings: Settings, links: Links, stack: ExitStack) -> LivePage | None:

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from monitor.commands.board import Board, Rates, View
 from monitor.commands.common import note
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     from rich.console import Console
 
-__all__ = ["Beside", "Screen", "Show", "output", "tell_status"]
+__all__ = ["Beside", "Screen", "Show", "output", "status_facts", "status_line", "tell_status"]
 
 Show = Callable[[StepResult, Mapping[str, Verdict], Callable[[], Status]], None]
 """Shows what one turn gave; the states and the loop's status are asked for when drawn."""
@@ -56,12 +56,17 @@ def status_line(status: Status) -> str:
     )
 
 
+def status_facts(status: Status) -> dict[str, Any]:
+    """How the loop is doing, as JSON values."""
+    values = {key: finite(value) for key, value in asdict(status).items() if key != "latency"}
+    values["latency"] = {k: finite(v) for k, v in asdict(status.latency).items()}
+    return values
+
+
 def tell_status(status: Status, json_lines: bool, stopped: bool = False) -> None:
     """Say how the loop is doing: a sentence on standard error, or a line of JSON among the rest."""
     if json_lines:
-        values = {key: finite(value) for key, value in asdict(status).items() if key != "latency"}
-        values["latency"] = {k: finite(v) for k, v in asdict(status.latency).items()}
-        print(json.dumps({"status": values}), flush=True)
+        print(json.dumps({"status": status_facts(status)}), flush=True)
     else:
         note(f"mavsentry: {'stopped; ' if stopped else ''}{status_line(status)}")
 

@@ -7,15 +7,18 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from monitor.commands.common import Refused
+from monitor.commands.common import Refused, note
 
 if TYPE_CHECKING:
     from links.endpoints import Endpoint, Hub
     from links.mavlink import Decoder
+    from monitor.checkpoint import Checkpointer
     from monitor.commands.live.page import LivePage
+    from monitor.commands.live.telling import Telling
     from monitor.component import Component
     from monitor.daemon import Daemon
     from monitor.outbox import Outbox
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from monitor.publish import Publisher
     from monitor.recorder import Recorder
     from monitor.security import Gate
+    from monitor.service import Notifier
     from monitor.settings import Settings
     from monitor.tuning import Tuning
     from monitor.verdict import StepResult
@@ -31,6 +35,9 @@ __all__ = ["Links", "Running", "assemble", "open_links"]
 
 SLOW_START_S = 5.0
 """Getting ready for longer than this (kernels were compiled) leaves only old data waiting."""
+
+COMPILING_S = 900.0
+"""Compiling kernels on a small computer takes less; the service manager is told to wait."""
 
 Look = Callable[["StepResult"], None]
 
@@ -70,6 +77,10 @@ class Running:
     ----------
     tuning
         The settings in force; changes them in flight.
+    checkpoints
+        Keeps what was learnt, over a restart.
+    now_us
+        Host monotonic time [us].
     unused
         What of the kept parameters could not be used, a sentence; None if all could.
     looks
@@ -87,6 +98,8 @@ class Running:
     daemon: Daemon
     recorder: Recorder | None
     page: LivePage | None
+    checkpoints: Checkpointer
+    now_us: Callable[[], int]
     unused: str | None = None
     looks: list[Look] = field(default_factory=list)
 
@@ -141,7 +154,8 @@ def assemble(
     settings: Settings,
     links: Links,
     page: LivePage | None,
-    say: Callable[[str], None],
+    tell: Telling,
+    notifier: Notifier,
     stack: ExitStack,
 ) -> Running:
     """Build the stages and load their kernels while the links' buffers already fill.
@@ -153,16 +167,18 @@ def assemble(
     """
     began_s = time.monotonic()
     from links.mavlink import Decoder, Encoder
+    from monitor.checkpoint import Checkpointer
     from monitor.component.assembly import assemble as assemble_component
     from monitor.component.assembly import identify
     from monitor.component.parameter_file import ParameterFile, parameter_path, read_parameters
     from monitor.component.parameters import Parameters
-    from monitor.daemon import Daemon, Parts
+    from monitor.daemon import Daemon, Host, Parts
     from monitor.outbox import Outbox
     from monitor.pipeline import Pipeline
     from monitor.places import state_folder
     from monitor.publish import Publisher
     from monitor.security import open_gate
+    from monitor.service import Event
     from monitor.tuning import Tuning
     from monitor.warmup import warm_up
 
@@ -181,7 +197,12 @@ def assemble(
         raise Refused(str(error)) from None
     stack.enter_context(gate)
     publisher = Publisher(settings.publish, Encoder(1, here.component_id, here.dialect).has)
-    warm_up(settings, say)
+
+    def preparing(text: str) -> None:
+        notifier.starting(text, COMPILING_S)
+        note(text)
+
+    warm_up(settings, preparing)
     pipeline = Pipeline(settings, taps=page.taps if page else ())
     tuning.add(pipeline.retune, publisher.retune)
     identity = identify(settings, decoder)
@@ -203,7 +224,14 @@ def assemble(
         hub.send, links.outputs, lambda: component.address, gate.sign, component.sent, here.dialect
     )
     parts = Parts(hub, gate, decoder, pipeline, publisher, component, outbox)
-    daemon = Daemon(parts, here, recorder)
+    host = Host()
+    daemon = Daemon(parts, here, recorder, host)
+    tuning.add(daemon.retune)
+    checkpoints = Checkpointer(
+        state_folder(), settings, decoder, pipeline, publisher, partial(tell, Event.CHECKPOINT)
+    )
+    if not links.from_file:
+        checkpoints.resume()
     if time.monotonic() - began_s > SLOW_START_S and not links.from_file:
         daemon.discard_waiting()
     running = Running(
@@ -218,6 +246,8 @@ def assemble(
         daemon=daemon,
         recorder=recorder,
         page=page,
+        checkpoints=checkpoints,
+        now_us=host.now_us,
         unused=unused,
     )
     if page is not None:

@@ -1,38 +1,75 @@
-"""Turns the loop until it is told to stop: signals, and what happens beside each turn."""
+"""Turns the loop until it is told to stop, and does what is asked for between two turns."""
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from monitor.commands.live.assembly import Running
     from monitor.commands.screen import Show
+    from monitor.service import Notifier
+    from monitor.verdict import StepResult
 
-__all__ = ["STOP", "TELL", "turn_until_stopped"]
-
-STOP = {signal.SIGINT, signal.SIGTERM}
-TELL = {signal.SIGUSR1} if hasattr(signal, "SIGUSR1") else set()
+__all__ = ["Asks", "turn_until_stopped"]
 
 
-def turn_until_stopped(running: Running, show: Show, tell: Callable[..., None]) -> None:
-    """Turn until SIGINT, SIGTERM or the end of a file; SIGUSR1 tells how the loop is doing."""
-    daemon, pipeline = running.daemon, running.pipeline
-    recent = partial(daemon.status, recent=True)
-    asked: set[int] = set()
-    for number in (*STOP, *TELL):
-        signal.signal(number, lambda received, frame: asked.add(received))
-    while asked.isdisjoint(STOP) and not running.links.hub.ended:
-        result = daemon.turn()
+class Asks(Protocol):
+    """What is asked of the loop; see :class:`monitor.commands.live.signals.Signals`."""
+
+    @property
+    def stop(self) -> bool:
+        """Whether to stop."""
+        ...
+
+    def listen(self) -> None:
+        """The loop begins to look."""
+        ...
+
+    def take_reload(self) -> bool:
+        """Whether to read the configuration anew."""
+        ...
+
+    def take_status(self) -> bool:
+        """Whether to tell how the loop is doing."""
+        ...
+
+
+def turn_until_stopped(
+    running: Running,
+    asks: Asks,
+    notifier: Notifier,
+    show: Show,
+    tell_status: Callable[[], None],
+    reload: Callable[[], None],
+) -> None:
+    """Turn until asked to stop, or until the end of a log that is read.
+
+    The service manager's watchdog is fed here and nowhere else: after a turn, all of it, worked.
+    """
+    daemon, now_us = running.daemon, running.now_us
+
+    def use(result: StepResult) -> None:
         for look in running.looks:
             look(result)
-        show(result, pipeline.states(), recent)
-        if not asked.isdisjoint(TELL):
-            asked -= TELL
-            tell(daemon.status())
-    result = daemon.finish()
-    for look in running.looks:
-        look(result)
-    show(result, pipeline.states(), recent)
+        show(result, running.pipeline.states(), partial(daemon.status, recent=True))
+
+    asks.listen()
+    first = True
+    while not asks.stop and not running.links.hub.ended:
+        use(daemon.turn())
+        running.checkpoints.turn(now_us())
+        if asks.take_status():
+            tell_status()
+        if asks.take_reload():
+            notifier.reloading()
+            reload()
+            notifier.ready()
+        if first:
+            first = False
+            notifier.ready()
+        notifier.turned(now_us())
+    notifier.stopping()
+    running.checkpoints.close()
+    use(daemon.finish())
