@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import faulthandler
 import os
 from contextlib import ExitStack
 from pathlib import Path
@@ -81,7 +80,6 @@ def run(
 ) -> None:
     """Watch a live link: say what is faulty, and publish it over MAVLink."""
     signals = Signals()
-    faulthandler.enable()  # says where it hung when the service manager's watchdog ends it
     from monitor.service import Event, LogError, Notifier, open_event_log
     from monitor.settings import SettingsError
 
