@@ -2,7 +2,14 @@
 
 from links.mavlink import Encoder
 from monitor.commands.bench import NAMES
-from monitor.commands.bench_cases.live import BLOCKS, decode_live, udp_roundtrip
+from monitor.commands.bench_cases.live import (
+    BLOCKS,
+    TURN,
+    decode_live,
+    reception_live,
+    reception_signed,
+    udp_roundtrip,
+)
 
 
 def test_both_sides_read_every_frame():
@@ -28,4 +35,13 @@ def test_a_message_comes_back_on_both_sides():
 
 
 def test_the_cases_are_those_that_the_command_knows():
-    assert set(NAMES["live"]) == {*BLOCKS, "udp_roundtrip"}
+    assert set(NAMES["live"]) == {*BLOCKS, "reception_live", "reception_signed", "udp_roundtrip"}
+
+
+def test_reception_lets_in_what_the_peer_believes():
+    sender = Encoder(1, 1)
+    frames = [sender.encode("ATTITUDE", time_boot_ms=1000 + k, roll=0.1) for k in range(40)]
+    open_case, signed = reception_live(frames), reception_signed(frames)
+    assert open_case.calls == 40 / TURN
+    assert open_case.run() == sum(map(len, frames))
+    assert signed.run() == signed.peers["pymavlink"]() == signed.calls == len(frames)

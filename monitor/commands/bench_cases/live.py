@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from links.endpoints.udp import UdpListener, UdpSpeaker
 from links.mavlink import Decoder, DecoderOptions, Encoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
+from links.mavlink.reception import Reception, ReceptionOptions
+from links.mavlink.signing import Signer, SigningClock, SigningKey, Verifier, is_signed
 from monitor.commands.bench_cases import BenchCase, missing
 from monitor.recorder import whole_frames
 
@@ -19,6 +22,11 @@ __all__ = ["BLOCKS", "cases", "decode_live", "frames_of", "udp_roundtrip"]
 BLOCKS = {"decode_live": 8, "decode_live_1": 1, "decode_live_32": 32}
 """Case -> frames of a block: what a turn of the daemon gathers in 20 ms at 400 messages a second, a
 datagram of its own for each message, and 1600 messages a second."""
+
+TURN = 8
+"""Frames of a turn in the cases of reception."""
+
+WANTED = ("HEARTBEAT", "COMMAND_LONG", "PARAM_SET", "TIMESYNC")
 
 MESSAGES = 4000
 TRIPS = 300
@@ -30,7 +38,12 @@ WAIT_S = 1.0
 def cases(log: Path) -> list[BenchCase]:
     """Cases on the frames of a telemetry log."""
     frames = frames_of(log)[:MESSAGES]
-    return [*(decode_live(name, frames, size) for name, size in BLOCKS.items()), udp_roundtrip()]
+    return [
+        *(decode_live(name, frames, size) for name, size in BLOCKS.items()),
+        reception_live(frames),
+        reception_signed(frames),
+        udp_roundtrip(),
+    ]
 
 
 def frames_of(log: Path) -> list[bytes]:
@@ -38,6 +51,65 @@ def frames_of(log: Path) -> list[bytes]:
     framer = Framer(load_dialect(), stamped=True)
     parts = (framer.feed(log.read_bytes()), framer.finish())
     return [frame for part in parts for frame, _ in whole_frames(part)]
+
+
+def reception_live(frames: list[bytes]) -> BenchCase:
+    """What a turn of eight frames costs before the decoder has it, with one link and no key."""
+    blocks = _joined(frames)
+    reception = Reception(ReceptionOptions(), ["link"], wants=WANTED)
+
+    def ours() -> int:
+        return sum(len(reception.take([(0, block, 0, None)]).data) for block in blocks)
+
+    return BenchCase(
+        "reception_live",
+        run=ours,
+        calls=len(blocks),
+        note=f"time per turn of {TURN} frames: who is let in, one link, no key",
+    )
+
+
+def reception_signed(frames: list[bytes]) -> BenchCase:
+    """Signatures checked, beside pymavlink; time per message.
+
+    Ours gives the decoder its bytes; ``pymavlink`` makes an object of each message besides.
+    """
+    secret = hashlib.sha256(b"a passphrase").digest()
+    key = SigningKey(secret)
+    signer = Signer(key, SigningClock(), 0)
+    signed = [signer.sign(frame) for frame in frames if frame[0] == 0xFD and not is_signed(frame)]
+    blocks = _joined(signed)
+
+    def ours() -> int:
+        gate = Verifier(key, SigningClock())
+        reception = Reception(ReceptionOptions(), ["link"], gate, WANTED)
+        for block in blocks:
+            reception.take([(0, block, 0, None)])
+        return reception.accepted[0]
+
+    peers: dict[str, Callable[[], object]] = {}
+    absent = missing("pymavlink")
+    if not absent:
+        from pymavlink.dialects.v20 import ardupilotmega
+
+        def parse_buffer() -> int:
+            parser = ardupilotmega.MAVLink(None)
+            parser.signing.secret_key = secret
+            return sum(len(parser.parse_buffer(block)) for block in blocks)
+
+        peers = {"pymavlink": parse_buffer}
+    return BenchCase(
+        "reception_signed",
+        run=ours,
+        calls=len(signed),
+        peers=peers,
+        note=f"time per signed message, {TURN} to a turn; pymavlink also decodes it",
+        missing=absent,
+    )
+
+
+def _joined(frames: list[bytes]) -> list[bytes]:
+    return [b"".join(frames[i : i + TURN]) for i in range(0, len(frames), TURN)]
 
 
 def decode_live(name: str, frames: list[bytes], size: int) -> BenchCase:
