@@ -54,7 +54,7 @@ class LinkState:
     backoff_s
         Time between the attempts to open it now [s]; 0 when it is open.
     trouble
-        Why it is not open, one sentence; empty when it is.
+        Why it is not open, one sentence; empty when it is, or when nobody has come yet.
     peers
         How many peers are answered.
     counters
@@ -142,6 +142,15 @@ class Hub:
             )
             for link in self._links
         ]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Why links are not open, a sentence each."""
+        return tuple(
+            f"{link.trouble}; tried again"
+            for link in self._links
+            if link.trouble and not link.is_open
+        )
 
     def close(self) -> None:
         """Give all ports, sockets and files back."""

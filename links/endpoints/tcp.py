@@ -220,7 +220,7 @@ class TcpServer(Link):
             self._server = server
         for client in self._clients.values():
             client.flush()
-        self.trouble = self._opener.trouble or ("" if self._clients else "no client yet")
+        self.trouble = self._opener.trouble
 
     def close(self) -> None:
         self._opener.close()

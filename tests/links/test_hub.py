@@ -122,7 +122,7 @@ def test_a_link_that_goes_does_not_touch_the_others():
                 tcp.close()
         assert [a.data for a in gathered(hub, 20)] == [b"u%d" % k for k in range(20)]
         hub.tend(now_us())
-        assert [(s.open, s.trouble) for s in hub.states()] == [(False, "no client yet"), (True, "")]
+        assert [(s.open, s.trouble) for s in hub.states()] == [(False, ""), (True, "")]
         udp.close()
 
 
@@ -165,6 +165,10 @@ def test_nothing_blocks_the_loop(monkeypatch):
                 got += sum(getattr(a, "data", b"") == b"frame" for a in result or ())
             time.sleep(0.001)
         assert [s.open for s in hub.states()] == [True, False, False, False]
+        assert [note.partition(": ")[0] for note in hub.notes] == [
+            "cannot open /dev/ttyACM0",
+            "udpout:gcs.example:14550",
+        ]  # the attempt to connect by TCP hangs, nothing has failed yet
         began_s = time.monotonic()
     closing_s = time.monotonic() - began_s
     release.set()

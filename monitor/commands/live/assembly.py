@@ -109,13 +109,19 @@ class Running:
         if self.recorder is not None:
             file = f"{self.recorder.path.name}, {self.recorder.file_bytes / 1e6:.1f} MB"
             said.append(self.recorder.stopped or f"recording {file}")
-        return [*said, *self.gate.notes, *self.component.notes, *self.component.facts]
+        return [
+            *said,
+            *self.links.hub.notes,
+            *self.gate.notes,
+            *self.component.notes,
+            *self.component.facts,
+        ]
 
     def notes(self) -> tuple[str, ...]:
         """What an operator must know now, a sentence each."""
         stopped = self.recorder.stopped if self.recorder is not None else None
         said = [text for text in (stopped, self.unused) if text is not None]
-        return (*said, *self.gate.notes, *self.component.notes)
+        return (*said, *self.links.hub.notes, *self.gate.notes, *self.component.notes)
 
 
 def open_links(settings: Settings, stack: ExitStack) -> Links:
