@@ -1,7 +1,7 @@
 """Hostile bytes through the live path; ``python -m tests.links.fuzz live --bytes N --seed S``.
 
-A *life* is a daemon without sockets: reception, decoder, pipeline, publisher and the component's
-services, that sees a flight or four in a row. Link 0 carries the vehicle, link 1 ground stations,
+A *life* is a daemon without sockets (:mod:`tests.links.live_path`) that sees a flight or four in a
+row. Link 0 carries the vehicle, link 1 ground stations,
 copies of the vehicle's frames, and messages of every kind of the dialect with random or extreme
 fields, most of them meant for us. Both streams are damaged (:mod:`tests.links.mutations`): half of
 the damage keeps the checksum right, so that it reaches fields, requests and clocks. They arrive in
@@ -30,24 +30,19 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as peer
 
 from links.catalog import BOUNDS
-from links.mavlink import Decoder, Encoder
+from links.mavlink import Encoder
 from links.mavlink.dialect import Message, load_dialect
 from links.mavlink.framing import Framer
-from links.mavlink.reception import Arrival, Reception, ReceptionOptions
-from links.mavlink.signing import Signer, SigningClock, SigningKey, Verifier
+from links.mavlink.reception import Arrival
+from links.mavlink.signing import Signer, SigningClock, SigningKey
 from links.samples import Batch
-from monitor.component.assembly import assemble, identify
-from monitor.component.parameters import Parameters
 from monitor.component.tunables import RESET, TUNABLES
-from monitor.pipeline import Pipeline
-from monitor.publish import Publisher
-from monitor.settings import Settings, load
-from monitor.tuning import Tuning
+from monitor.settings import load
 from sim_feeds.player import frames_of
 
+from .live_path import Life
 from .mutations import FLOATS, drawn, mutated, stream_of
 
-LINKS = ("udpin:0.0.0.0:14550", "udpin:0.0.0.0:14551")
 PEERS = (("10.0.0.1", 14550), ("10.0.0.2", 14550), ("10.0.0.9", 5))
 BYTES_PER_S = 20_000
 """Host time passes by so many bytes of the vehicle's."""
@@ -91,83 +86,6 @@ class Lives:
     refused: dict[str, int] = field(default_factory=dict)
     kinds: dict[str, int] = field(default_factory=dict)
     slowest_s: float = 0.0
-
-
-class Life:
-    """The daemon's stages without its sockets.
-
-    Parameters
-    ----------
-    settings
-        Of the daemon.
-    secret
-        A signing key: then signatures are demanded.
-    """
-
-    def __init__(self, settings: Settings, secret: bytes | None = None) -> None:
-        self.key = None if secret is None else SigningKey(secret)
-        clock = SigningClock()
-        verifier = None if self.key is None else Verifier(self.key, clock)
-        self.decoder, self.pipeline = Decoder(settings.links.decoder_options()), Pipeline(settings)
-        self.publisher = Publisher(settings.publish)
-        self.identity = identify(settings, self.decoder)
-        tuning = Tuning(settings, (self.pipeline.retune, self.publisher.retune))
-        self.parameters = Parameters(
-            settings.component, self.identity, tuning, lambda: self.pipeline.flying
-        )
-        self.component = assemble(
-            settings,
-            self.identity,
-            self.decoder,
-            self.pipeline,
-            self.publisher,
-            others=[self.parameters],
-        )
-        self.gate = Reception(ReceptionOptions(), LINKS, verifier, self.component.wants)
-        self.signer = None if self.key is None else Signer(self.key, clock, 0)
-        self.encoders: dict[tuple[int, int], Encoder] = {}
-        self.batches: list[Batch] = []
-        self.admitted: list[bytes] = []
-        self.heard = 0
-        self.t_us: int | None = None
-
-    def turn(self, arrivals: list[Arrival], now_us: int) -> bytes:
-        """One turn of the loop; what it would send."""
-        got = self.gate.take(arrivals)
-        self.heard += len(got.heard)
-        if self.key is not None:
-            assert all(h.signed for h in got.heard)
-            self.admitted.append(got.data)
-        batch = self.decoder.feed(got.data, now_us)
-        self.batches.append(batch)
-        if len(batch):
-            self.t_us = max(int(rows["t_us"].max()) for rows in batch.rows.values() if len(rows))
-        self.publisher.note(self.pipeline.feed(batch))
-        messages = [m for heard in got.heard for m in self.component.hear(heard, now_us)]
-        messages += self.component.due(now_us)
-        address = self.component.address
-        if address is not None:
-            self.gate.own = address
-            messages += self.publisher.due(now_us, self.t_us, silent=False)
-        assert address is not None or not messages
-        out = b""
-        for message in messages:
-            assert address is not None
-            assert message.link is None or 0 <= message.link < len(LINKS)
-            if address not in self.encoders:
-                self.encoders[address] = Encoder(*address)
-            frame = self.encoders[address].encode(message.name, **message.fields)
-            frame = frame if self.signer is None else self.signer.sign(frame)
-            self.component.sent(frame)
-            out += frame
-        return out
-
-    def close(self, now_us: int) -> None:
-        """The end: what the daemon does when it stops."""
-        self.batches.append(self.decoder.finish())
-        self.pipeline.feed(self.batches[-1])
-        self.pipeline.finish()
-        self.component.close(now_us)
 
 
 # --------------------------------------------------------------------------- what arrives
@@ -311,7 +229,7 @@ def live(number: int, seed: int, tally: Lives, most: int | None = None) -> None:
             used += sum(len(piece) for _, piece, _, _ in arrivals)
             if most is not None and used >= most:
                 break
-        life.close(now_us)
+        life.close()
         check_rows(life.batches)
         check_said(b"".join(said), life, now_us)
         if life.key is not None:
@@ -346,8 +264,8 @@ def check_said(said: bytes, life: Life, now_us: int) -> None:
     framer.finish()
     assert framer.bad_bytes == 0
     assert not framer.unknown
-    senders = set(zip(frames.system.tolist(), frames.component.tolist(), strict=True))
-    assert senders <= set(life.encoders)
+    assert set(frames.component.tolist()) <= {191}
+    assert life.outbox.dropped == 0
     assert len(said) < OUT_PER_S * (now_us / 1e6 + 1), "we are an amplifier"
 
 

@@ -15,7 +15,8 @@ from links.vocabulary import Rejection
 from monitor.settings import load
 
 from . import fuzz_live
-from .fuzz_live import Life, Lives, check_admitted, check_rows, flights, live, run_live
+from .fuzz_live import Lives, check_admitted, check_rows, flights, live, run_live
+from .live_path import Life
 
 WATCHED = ("open", "os.", "shutil.", "subprocess.", "socket.", "tempfile.", "pty.", "import")
 _armed: list[list[str]] = []
@@ -75,7 +76,7 @@ def test_no_path_of_a_peer_is_opened(path: bytes) -> None:
             for sender in (vehicle, ground):
                 now_us += 20_000
                 life.turn([(0, sender.encode(message.name, **fields), now_us, None)], now_us)
-        life.close(now_us)
+        life.close()
         return life.heard
 
     say_everything()  # compiles and imports what it needs
