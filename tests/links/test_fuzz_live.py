@@ -82,7 +82,8 @@ def test_no_path_of_a_peer_is_opened(path: bytes) -> None:
     say_everything()  # compiles and imports what it needs
     with watched() as seen:
         assert say_everything() > 20
-    assert seen == []
+    ours = "open ('/proc/self/"  # how much memory we use, for the page
+    assert [event for event in seen if not event.startswith(ours)] == []
     with watched() as seen, open("/dev/null", "rb"):
         pass
     assert len(seen) == 1  # it would have been seen
