@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from typing import Any
 
 import typer
@@ -104,7 +105,15 @@ def invoke(arguments: list[str]) -> int:
 
 def main() -> None:
     """Entry point of the ``mavsentry`` command."""
-    sys.exit(invoke(sys.argv[1:]))
+    status = invoke(sys.argv[1:])
+    if sys.argv[1:2] == ["run"]:
+        # Told to stop, a service is gone within a second. All is closed and written; to take
+        # numba's machine code down piece by piece would take most of that time.
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(status)
+    sys.exit(status)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,10 @@ import logging
 import math
 import queue
 import socket
+import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import StrEnum
 from logging.handlers import QueueHandler, QueueListener, WatchedFileHandler
 from pathlib import Path
@@ -84,6 +86,11 @@ class EventLog:
         """Events that too many others followed before they could be written."""
         return self._hand_over.dropped
 
+    @property
+    def trouble(self) -> str:
+        """Why the newest event could not be written, a sentence; empty when it was."""
+        return self._handler.trouble if isinstance(self._handler, _Silent) else ""
+
     def log(self, event: Event, message: str, grave: str = "info", **fields: Any) -> None:
         """Log an event.
 
@@ -115,7 +122,8 @@ class EventLog:
             time.sleep(0.005)
         if self._queue.empty():
             listener.stop()
-            self._handler.close()
+            with suppress(OSError):  # what the disk has not taken yet it will not take now
+                self._handler.close()
 
 
 def open_event_log(to: str, level: str = "info", journal: str = JOURNAL) -> EventLog:
@@ -196,10 +204,20 @@ class _AsJson(logging.Formatter):
 
 
 class _Silent(logging.Handler):
-    """What cannot be written is lost, without a word of the logging about itself."""
+    """What cannot be written is lost; why stands in ``trouble`` until something is written."""
+
+    trouble = ""
+    _failed = ""
+
+    def handle(self, record: logging.LogRecord) -> bool:
+        self._failed = ""
+        done = super().handle(record)
+        self.trouble = self._failed
+        return done
 
     def handleError(self, record: logging.LogRecord) -> None:
-        pass
+        error = sys.exc_info()[1]
+        self._failed = f"events cannot be logged: {getattr(error, 'strerror', None) or error}"
 
 
 class _File(_Silent, WatchedFileHandler):

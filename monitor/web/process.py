@@ -22,8 +22,11 @@ LONGEST_WAIT_US: Final = 60_000_000
 LASTING_US: Final = 60_000_000
 """One that lived this long is started again without delay, and its end is told."""
 
-END_S: Final = 2.0
+END_S: Final = 0.5
 """Time that it has to say goodbye to its viewers."""
+
+HUNG_US: Final = 15_000_000
+"""One that takes nothing for so long hangs; it is ended and started again."""
 
 
 class WebProcess:
@@ -61,6 +64,7 @@ class WebProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self._pipe: Outgoing | None = None
         self._started_us = 0
+        self._took_us = 0
         self._again_us = 0
         self._wait_us = FIRST_WAIT_US
         self._told = False
@@ -85,9 +89,14 @@ class WebProcess:
             self._lost(now_us)
             return False
         try:
-            return self._pipe is not None and self._pipe.ready()
+            taken = self._pipe is not None and self._pipe.ready()
         except OSError:  # it is ending; its status comes with the next call
             return False
+        if taken:
+            self._took_us = now_us
+        elif now_us - self._took_us > HUNG_US:
+            self._process.kill()
+        return taken
 
     def send(self, kind: bytes, body: bytes) -> None:
         """Hand over a message; only when :meth:`ready`."""
@@ -128,7 +137,7 @@ class WebProcess:
             return False
         finally:
             theirs.close()
-        self._started_us = now_us
+        self._started_us = self._took_us = now_us
         self._pipe = Outgoing(ours)
         self.fresh = True
         self.send(SETUP, self._setup)

@@ -110,7 +110,8 @@ class Witness:
 
     def _see_notes(self, now_us: int) -> None:
         """Tell what is new of what an operator must know."""
-        notes = self._running.notes()
+        trouble = self._tell.log.trouble
+        notes = (*self._running.notes(), *((trouble,) if trouble else ()))
         for text in notes:
             if text in self._standing or now_us - self._told.get(text, -REPEAT_US) < REPEAT_US:
                 continue
