@@ -86,6 +86,7 @@ class Lives:
     refused: dict[str, int] = field(default_factory=dict)
     kinds: dict[str, int] = field(default_factory=dict)
     slowest_s: float = 0.0
+    resident_mib: list[float] = field(default_factory=list)
 
 
 # --------------------------------------------------------------------------- what arrives
@@ -302,6 +303,7 @@ def run_live(
             raise
         if watch:
             faulthandler.cancel_dump_traceback_later()
+        tally.resident_mib.append(_statm(1) / 2**20)
         if tally.bytes >= count:
             break
     return tally
@@ -312,23 +314,24 @@ def work(count: int, seed: int, only: int | None) -> None:
     flights()
     for number in range(SIGNED):  # compile and load before measuring
         live(number, 0, Lives())
-    with open("/proc/self/statm") as statm:
-        before = int(statm.read().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (before + ROOM, resource.RLIM_INFINITY))
-    peak_kb, begun = _peak_kb(), time.perf_counter()
+    resource.setrlimit(resource.RLIMIT_AS, (_statm(0) + ROOM, resource.RLIM_INFINITY))
+    begun = time.perf_counter()
     tally = run_live(count, seed, only, watch=True)
-    took_s, grown_kb = time.perf_counter() - begun, _peak_kb() - peak_kb
+    took_s, resident = time.perf_counter() - begun, tally.resident_mib
+    third = max(len(resident) // 3, 1)
     kinds = ", ".join(f"{name} {n}" for name, n in sorted(tally.kinds.items()))
     refused = ", ".join(f"{why} {n}" for why, n in sorted(tally.refused.items()))
     print(
         f"live: {tally.bytes} bytes in {tally.lives} lives of {tally.turns} turns, seed {seed}: "
         f"none failed; {tally.rows} rows, {tally.heard} messages heard, {tally.out} bytes said; "
         f"{tally.signed} lives demanded signatures and let in {tally.genuine} frames, all genuine; "
-        f"{took_s:.0f} s, slowest turn {tally.slowest_s:.2f} s; peak memory "
-        f"{(peak_kb + grown_kb) / 1024:.0f} MiB, {grown_kb / 1024:.0f} MiB more than after the "
-        f"first three lives\n  refused: {refused}\n  mutations: {kinds}"
+        f"{took_s:.0f} s, slowest turn {tally.slowest_s:.2f} s; resident at "
+        f"most {max(resident[:third]):.0f} MiB after a life of the first third, "
+        f"{max(resident[-third:]):.0f} MiB of the last\n  refused: {refused}\n  mutations: {kinds}"
     )
 
 
-def _peak_kb() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+def _statm(place: int) -> int:
+    """Address space (0) or resident memory (1) of the process [bytes]."""
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[place]) * resource.getpagesize()
