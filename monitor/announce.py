@@ -14,6 +14,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import degrees, isfinite
+from typing import ClassVar
 
 from links.vocabulary import GYRO_ACC_AXES, Kind, Reason, State
 from monitor.masks import mask_bit
@@ -191,6 +192,9 @@ class Announcer:
     interval_s
         Least mean time between texts [s].
     """
+
+    fleeting: ClassVar = ("_refilled_us", "_said_us", "_held")
+    """Moments of the host's clock: see :mod:`monitor.checkpoint.graph`."""
 
     def __init__(self, burst: int, interval_s: float) -> None:
         self._burst = float(burst)
