@@ -168,8 +168,8 @@ class TimeSync:
             return []
         stamp_ns = int(heard.fields["ts1"])
         asked = _target(heard)
-        if not self._identity.addressed(*asked):
-            return []
+        if not self._identity.addressed(*asked) or stamp_ns in self._sent:
+            return []  # for another, or our own question come back
         if autopilot is not None and heard.system == autopilot.system and not all(asked):
             if heard.component != autopilot.component:
                 return []

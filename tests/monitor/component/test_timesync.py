@@ -88,6 +88,12 @@ def test_an_answer_is_never_answered():
     assert net.heard("TIMESYNC", {"tc1": -7, "ts1": 5}, 255, 190) == []
 
 
+def test_our_own_question_come_back_is_not_answered():
+    net = Net()
+    (request,) = net.sync.due(S)
+    assert net.heard("TIMESYNC", request.fields, 255, 190) == []
+
+
 def test_an_old_answer_says_nothing():
     net = Net()
     (request,) = net.sync.due(S)
