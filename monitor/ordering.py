@@ -44,6 +44,11 @@ class Ordering:
         self.rejected: Counter[tuple[str, Rejection]] = Counter()
 
     @property
+    def newest_us(self) -> int:
+        """Time of the newest row so far [us]."""
+        return self._newest_us
+
+    @property
     def watermark_us(self) -> int:
         """All rows before this time have been released [us]."""
         return self._newest_us - self._horizon_us

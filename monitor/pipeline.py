@@ -26,6 +26,9 @@ from monitor.watch import build_watches
 
 __all__ = ["Pipeline"]
 
+UNHEARD_US = 500_000
+"""A pause of the monitor that is shorter is the streams' own [us]."""
+
 _MAX_BOOTS = 1000
 _REFERENCES = frozenset({"gps", "attitude"})
 
@@ -84,6 +87,11 @@ class Pipeline:
         released = self._ordering.finish()
         last = [int(r["t_us"][-1]) + 1 for r in released.values() if len(r)]
         return self._say(self._step(released, max([self.now_us, *last])))
+
+    def resume(self, first_us: int) -> None:
+        """Go on in another process, with rows from this time on: the silence before was ours."""
+        if first_us - self._ordering.newest_us > UNHEARD_US:
+            self._streams.unheard(self._ordering.newest_us, first_us)
 
     def retune(self, settings: Settings) -> Retuned:
         """Take new settings without losing any state; sensors that they mute fall silent.

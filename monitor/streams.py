@@ -51,7 +51,8 @@ class Streams:
 
     A stream is stale from ``timeout`` after its last row until its next row: vehicle time alone
     decides, so live and log agree. A gap is an interval longer than the time-out, or than one
-    second for a stream that has none. A stream is blank until its first row that says something: an
+    second for a stream that has none. Time in which nobody listened (:meth:`unheard`) is no
+    silence. A stream is blank until its first row that says something: an
     autopilot sends all-zero rows for an IMU, and -1 for an engine, that is not fitted.
     """
 
@@ -59,6 +60,11 @@ class Streams:
         self._settings = settings
         self._timeouts_us = _timeouts_us(settings)
         self.streams: dict[str, Stream] = {}
+        self._deaf_us = (0, 0)
+
+    def unheard(self, from_us: int, until_us: int) -> None:
+        """Nobody listened between these times: that no rows came then says nothing."""
+        self._deaf_us = (from_us, until_us)
 
     def retune(self, settings: StreamSettings) -> Retuned:
         """Take new time-outs; a stream that has stopped stays so until its next row."""
@@ -77,7 +83,7 @@ class Streams:
         for sensor, stream in self.streams.items():
             if stream.timeout_us is None or stream.stale or stream.blank:
                 continue
-            stopped_us = stream.last_us + stream.timeout_us
+            stopped_us = self._stopped_us(stream.last_us, stream.timeout_us)
             if stopped_us < until_us:
                 stream.stale = True
                 changes.append((stopped_us, sensor, Change.STOPPED))
@@ -103,15 +109,26 @@ class Streams:
         limit_us = stream.timeout_us or 1_000_000
         steps = np.diff(t, prepend=stream.last_us)
         for i in np.flatnonzero(steps > limit_us):
+            if t[i] <= self._stopped_us(int(t[i] - steps[i]), limit_us):
+                continue
             stream.gaps += 1
             if stream.timeout_us is not None and i >= judged:
                 before_us = int(t[i] - steps[i])
                 if not (i == 0 and stream.stale):
-                    yield before_us + stream.timeout_us, sensor, Change.STOPPED
+                    stopped_us = self._stopped_us(before_us, stream.timeout_us)
+                    yield stopped_us, sensor, Change.STOPPED
                 yield int(t[i]), sensor, Change.FRESH
         stream.stale = False
         stream.samples += len(t)
         stream.last_us = int(t[-1])
+
+    def _stopped_us(self, last_us: int, timeout_us: int) -> int:
+        """When a stream has stopped whose last row was then, if no other comes."""
+        deaf_from_us, deaf_until_us = self._deaf_us
+        stopped_us = last_us + timeout_us
+        if last_us < deaf_until_us and stopped_us > deaf_from_us:
+            stopped_us += deaf_until_us - max(deaf_from_us, last_us)
+        return stopped_us
 
 
 def _timeouts_us(s: StreamSettings) -> dict[str, int]:

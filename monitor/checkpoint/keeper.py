@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from monitor.checkpoint import file
 from monitor.checkpoint.file import Unusable
 from monitor.checkpoint.graph import Unstorable
+from monitor.checkpoint.identity import code_digest
 from monitor.checkpoint.snapshot import Resumable, Snapshot, load, take
 from monitor.settings import Settings
 
@@ -76,6 +77,7 @@ class Checkpointer:
         self._found: dict[Path, Resumable] = {}
         self._told: str | None = None
         self._writer = _Writer()
+        code_digest()  # reads every source: now, not in the loop
 
     def resume(self) -> None:
         """Read what is there; it is taken up when its vehicle is heard."""

@@ -151,6 +151,7 @@ class Resumable:
         for ours, kept in ((pipeline, self.state.pipeline), (publisher, self.state.publisher)):
             gone = type(ours).fleeting
             vars(ours).update({name: v for name, v in vars(kept).items() if name not in gone})
+        pipeline.resume(int(clock.newest_us or 0) + ahead_us)
         return max(ahead_us / 1e6, 0.0)
 
 

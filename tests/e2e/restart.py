@@ -29,7 +29,7 @@ seed = 7
 
 {flight}
 [imu]
-count = 2
+count = 3
 
 [airspeed]
 count = 2
@@ -122,9 +122,7 @@ def restart(dead_s: float, folder: Path, *, keeps: bool = True, then_s: float = 
     config = folder / "sentry.toml"
     config.write_text(f"[checkpoint]\ninterval_s = {1.0 if keeps else 0.0}\n")
     end_s = KILLED_S + dead_s + then_s
-    text = SCENARIO.format(
-        flight=circuit(end_s), breaks_s=BREAKS_S, unseen_s=KILLED_S + dead_s / 2
-    )
+    text = SCENARIO.format(flight=circuit(end_s), breaks_s=BREAKS_S, unseen_s=KILLED_S + dead_s / 2)
     flight = []
     for t_us, frame in frames(parse(text)):
         flight.append((t_us, frame))
