@@ -165,7 +165,8 @@ class Pipeline:
             return StepResult()
         changes = self._streams.step(released, until_us)
         boots = [t_us for t_us in self._boots if t_us < until_us]
-        phase = self._phase.step(released, boots)
+        # one behind what was released (of stamps that ran ahead of the clock) counts from there on
+        phase = self._phase.step(released, [max(t_us, self.now_us) for t_us in boots])
         if boots:
             self._boots = self._boots[len(boots) :]
             self.boots += boots[: _MAX_BOOTS - len(self.boots)]

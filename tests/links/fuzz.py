@@ -308,10 +308,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int, help="one input by its number")
     parser.add_argument("--folder", type=Path, help="where a failing input stays")
+    parser.add_argument("--one-life", action="store_true", help="live: a single daemon sees it all")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     told = parser.parse_args()
     folder = told.folder or Path(tempfile.mkdtemp(prefix="fuzz-"))
     folder.mkdir(parents=True, exist_ok=True)
+    if told.one_life:
+        from .fuzz_live import work_long
+
+        work_long(told.bytes, told.seed)
+        return 0
     if told.worker:
         _work(told.reader, told.bytes, told.seed, folder, told.only)
         return 0

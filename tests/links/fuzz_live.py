@@ -187,10 +187,11 @@ def _signed(
     return out
 
 
-def pieces(rng: np.random.Generator, data: list[bytes]) -> Iterator[tuple[list[Arrival], int]]:
+def pieces(
+    rng: np.random.Generator, data: list[bytes], now_us: int = 1_000_000
+) -> Iterator[tuple[list[Arrival], int]]:
     """Both links' bytes as they arrive, turn by turn, and the host's time [us]."""
     places = [0, 0]
-    now_us = 1_000_000
     while places[0] < len(data[0]) or places[1] < len(data[1]):
         arrivals: list[Arrival] = []
         for _ in range(int(rng.integers(1, 6))):
@@ -307,6 +308,39 @@ def run_live(
         if tally.bytes >= count:
             break
     return tally
+
+
+def long_life(count: int, seed: int) -> tuple[Lives, Life]:
+    """One daemon sees stream after stream of other lives; resident memory after each."""
+    tally, life, now_us = Lives(), Life(load()), 1_000_000
+    while tally.bytes < count:
+        rng = np.random.default_rng([seed, tally.lives, 9])
+        data, _ = streams(rng, None, tally)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for arrivals, turn_us in pieces(rng, data, now_us):
+                now_us = turn_us
+                life.turn(arrivals, now_us)
+                tally.turns += 1
+        tally.rows += sum(len(batch) for batch in life.batches)
+        life.batches.clear()
+        tally.lives += 1
+        tally.bytes += sum(map(len, data))
+        tally.resident_mib.append(_statm(1) / 2**20)
+    life.close()
+    return tally, life
+
+
+def work_long(count: int, seed: int) -> None:
+    """The command with ``--one-life``."""
+    begun = time.perf_counter()
+    tally, life = long_life(count, seed)
+    shown = tally.resident_mib[:: max(len(tally.resident_mib) // 8, 1)]
+    print(
+        f"live, one life: {tally.bytes} bytes in {tally.turns} turns, seed {seed}: nothing raised; "
+        f"{tally.rows} rows, {life.heard} messages heard; {time.perf_counter() - begun:.0f} s; "
+        f"resident memory [MiB] along it: {', '.join(f'{m:.0f}' for m in shown)}"
+    )
 
 
 def work(count: int, seed: int, only: int | None) -> None:

@@ -101,3 +101,25 @@ def test_gps_rows_are_given_at_their_validity_time() -> None:
     pipeline.finish()
     latency_us = round(settings.streams.gps_latency_s * 1e6)
     assert watch.seen == [("gps0", 2_000_000 - latency_us)]
+
+
+def test_a_boot_behind_what_was_released_does_not_turn_time_back() -> None:
+    """Stamps that run ahead of the clock can carry rows past the moment of a reboot."""
+
+    class Phases(EveryTenthRow):
+        quantities = frozenset({"phase"})
+
+    watch = Phases()
+    pipeline = Pipeline(Settings(), watches=[watch])
+    rows = empty_rows("gps0", 200)
+    rows["seq"], rows["t_us"] = np.arange(200), np.arange(200) * 100_000
+    rows["vel_ned_m_s"][:, 0], rows["fix_type"] = 20.0, 3
+    pipeline.feed(Batch({"gps0": rows}))
+    assert pipeline.flying
+    released_us = pipeline.now_us
+    again = rows[-1:].copy()
+    again["seq"], again["t_us"] = 200, 25_000_000
+    pipeline.feed(Batch({"gps0": again}, boots=(5_000_000,)))
+    phases = [t_us for sensor, t_us in watch.seen if sensor == "phase"]
+    assert len(phases) == 2
+    assert phases[1] >= released_us
