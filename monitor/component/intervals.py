@@ -41,6 +41,9 @@ RADIO_US = 10_000_000
 DEAF_US, DEAF_MAX_US = 60_000_000, 960_000_000
 """After this time an autopilot that did not answer is asked once more; it doubles each time."""
 
+SHOWN = 3
+"""Streams that a STATUSTEXT names; so many fit into its 50 characters, whatever they are."""
+
 _ARDUPILOT = 3
 _WARNING = 4
 
@@ -146,17 +149,17 @@ class Intervals:
         self._told = False
         self._radio_us: int | None = None
         self._measured = False
+        self._slow: dict[str, float] = {}
 
     # ------------------------------------------------------------------ what to tell
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Every stream that comes too slowly, why, and what is lost by it."""
-        if not self._measured:
-            return ()
-        return tuple(
-            self._sentence(need) for need in NEEDS.values() if self._short(need, need.least_hz)
-        )
+        """Every stream that comes too slowly for good, why, and what is lost by it.
+
+        The rate told stays as it is while it changes little: a log takes a sentence once.
+        """
+        return tuple(self._sentence(need) for need in NEEDS.values() if need.stream in self._slow)
 
     @property
     def facts(self) -> tuple[str, ...]:
@@ -173,6 +176,20 @@ class Intervals:
         hz = self._rates.hz.get(need.stream, 0.0)
         return hz < least_hz and self._wanted_hz(need) > 0 and (need.fitted or hz > 0)
 
+    def _note_slow(self, autopilot: Autopilot) -> None:
+        """A window has ended: which streams come too slowly, with nothing more to be done."""
+        for need in NEEDS.values():
+            stream, name = need.stream, need.carrier(autopilot.kind)
+            request = self._requests.get(name)
+            pending = request is None and self._id(name) is not None
+            pending |= request is not None and not request.settled
+            if not self._short(need, need.least_hz) or (self._may_ask and pending):
+                self._slow.pop(stream, None)
+                continue
+            hz, told_hz = self._rates.hz.get(stream, 0.0), self._slow.get(stream)
+            if told_hz is None or abs(hz - told_hz) > 0.3 * told_hz:
+                self._slow[stream] = hz
+
     def _wanted_hz(self, need: Need) -> float:
         own = self._settings.stream_hz
         return own.get(need.stream, need.wanted_hz)
@@ -180,7 +197,7 @@ class Intervals:
     def _sentence(self, need: Need) -> str:
         autopilot = self._identity.autopilot
         name = need.carrier(autopilot.kind if autopilot else 0)
-        hz = self._rates.hz.get(need.stream, 0.0)
+        hz = self._slow[need.stream]
         comes = f"{need.stream} comes at {hz:.1f} Hz" if hz else f"{need.stream} does not come"
         return f"{comes}, {self._wanted_hz(need):g} are wanted: {need.loss} ({self._why(name)})"
 
@@ -192,8 +209,8 @@ class Intervals:
             return "the autopilot does not answer commands"
         if self._radio_us is not None:
             return "a telemetry radio is on the link: nothing is asked for"
-        if request is None or not request.settled:
-            return f"{name} is being asked for"
+        if request is None:
+            return f"{name} is unknown to the dialect"
         if request.step is _Step.LEFT:
             return f"another sets {name} back: it is left alone"
         if request.step is _Step.REFUSED:
@@ -242,6 +259,7 @@ class Intervals:
         if self._may_ask and not self._asking.busy:
             out += self._next(autopilot, now_us)
         if ended:
+            self._note_slow(autopilot)
             out += self._tell()
         return out
 
@@ -279,6 +297,7 @@ class Intervals:
             self._asking.drop()
             self._requests.clear()
             self._groups.clear()
+            self._slow.clear()
             self._rates.restart()
             self._current, self._deaf_us, self._measured = None, None, False
 
@@ -381,12 +400,12 @@ class Intervals:
                 request.step = _Step.LEFT if request.falls >= FALLS else _Step.SET
 
     def _tell(self) -> list[Message]:
-        """Once, when all is asked for: how many streams are too slow."""
-        notes = self.notes
+        """Once, when all is asked for: which streams are too slow."""
         waiting = self._may_ask and not all(r.settled for r in self._requests.values())
-        if self._told or waiting or not notes:
+        if self._told or waiting or not self._slow:
             return []
         self._told = True
-        names = [n.stream for n in NEEDS.values() if self._short(n, n.least_hz)]
-        text = f"MAVSENTRY: too slow: {' '.join(names)}"
-        return [Message("STATUSTEXT", {"severity": _WARNING, "text": text[:50]})]
+        shown = list(self._slow)[:SHOWN]
+        more = f" +{len(self._slow) - SHOWN}" if len(self._slow) > SHOWN else ""
+        text = f"Streams slow: {' '.join(shown)}{more}"
+        return [Message("STATUSTEXT", {"severity": _WARNING, "text": text})]

@@ -86,12 +86,14 @@ def station_command(number: int, *params: float, system=255, component=190) -> b
 
 
 @pytest.fixture(scope="module")
-def flown():
+def flown(tmp_path_factory):
     """A flight of which the daemon wants more, asked things by a station and a strange vehicle."""
-    with DaemonProcess() as daemon:
+    log = tmp_path_factory.mktemp("log") / "events.jsonl"
+    with DaemonProcess(("--log", str(log))) as daemon:
         network = Network(daemon.port)
         try:
             _flown(network, daemon)
+            network.log = log.read_text()
             yield network, daemon
         finally:
             network.close()
@@ -167,5 +169,6 @@ def test_another_sender_with_our_id_is_said_once(flown):
 
 
 def test_the_second_vehicle_is_told(flown):
-    _, daemon = flown
-    assert "vehicle 1 is watched; also heard: 9" in daemon.notes
+    network, _ = flown
+    assert "vehicle 1 is watched; also heard: 9" in network.log
+    assert "another sender uses our id" in network.log

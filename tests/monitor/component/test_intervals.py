@@ -2,8 +2,10 @@ from itertools import pairwise
 
 import pytest
 
+from monitor.announce import TEXT_MAX
 from monitor.component.asking import MavCmd, Result
 from monitor.component.intervals import Intervals
+from monitor.needs import NEEDS
 from monitor.publish import Message
 from monitor.settings.component import ComponentSettings
 from tests.monitor.component.autopilot import (
@@ -149,7 +151,7 @@ def test_an_autopilot_that_never_answers_is_left_in_peace_and_asked_again_a_minu
         "imu0 comes at 4.0 Hz, 50 are wanted: IMU faults are found later "
         "(the autopilot does not answer commands)",
     )
-    assert texts([m for _, m in world.sent]) == ["MAVSENTRY: too slow: imu0"]
+    assert texts([m for _, m in world.sent]) == ["Streams slow: imu0"]
     world.pilot.silent = False
     world.run(service, 40)
     assert world.pilot.hz["RAW_IMU"] == 50.0
@@ -176,6 +178,22 @@ def test_what_the_autopilot_refuses_is_said(result):
     )
     # nothing was changed, so nothing is put back
     assert not [m for m in service.close(world.now_us) if m.fields["param1"] == number("RAW_IMU")]
+
+
+def test_a_note_stays_as_it_is_while_the_rate_changes_little():
+    world = World(autopilot(slow={"RAW_IMU": 4.0}, refuses={"RAW_IMU": Result.DENIED}))
+    service, notes = asking(world), set()
+    for k in range(40):
+        world.pilot.hz["RAW_IMU"] = 4.0 + 0.4 * (k % 2)
+        world.run(service, 3)
+        notes |= set(service.notes)
+    assert len(notes) == 1
+    world.pilot.hz["RAW_IMU"] = 1.0
+    world.run(service, 9)
+    assert "imu0 comes at 1.0 Hz" in service.notes[0]
+    world.pilot.hz["RAW_IMU"] = 30.0
+    world.run(service, 9)
+    assert service.notes == ()
 
 
 def test_a_rate_that_is_rejected_for_now_is_tried_lower():
@@ -343,3 +361,11 @@ def test_a_link_that_is_gone_is_not_talked_to():
     world.run(service, 40)
     world.pilot.quiet = True
     assert world.run(service, 120) == []
+
+
+def test_the_text_names_some_streams_and_counts_the_rest():
+    world = World(autopilot(slow=dict.fromkeys(autopilot().hz, 0.05), silent=True))
+    (text,) = texts(world.run(asking(world), 60))
+    assert text == "Streams slow: imu0 attitude gps0 +4"
+    longest = sorted(map(len, NEEDS))[-3:]
+    assert len("Streams slow: ") + sum(longest) + 2 + len(" +99") <= TEXT_MAX
