@@ -35,6 +35,7 @@ __all__ = [
     "SigningClock",
     "SigningKey",
     "Verifier",
+    "carries_key",
     "is_signed",
     "ticks_of_unix_us",
 ]
@@ -52,6 +53,7 @@ STREAMS_MAX: Final = 4096
 SECRET_MESSAGES: Final = frozenset({"SETUP_SIGNING"})
 """Messages that carry a key: never obeyed, recorded, passed on or put into a log."""
 
+_SECRET_IDS: Final = frozenset(load_dialect("common").by_name[n].id for n in SECRET_MESSAGES)
 _EPOCH_UNIX_US: Final = 1_420_070_400_000_000
 _LAST_TICK: Final = (1 << 48) - 1
 _V2: Final = 0xFD
@@ -257,6 +259,13 @@ class Verifier:
         dropped = len(kept) < len(self._streams)
         self._streams = kept
         return dropped
+
+
+def carries_key(frame: bytes) -> bool:
+    """Whether a whole frame is one of :data:`SECRET_MESSAGES`."""
+    if frame[0] == _V2:
+        return (frame[7] | frame[8] << 8 | frame[9] << 16) in _SECRET_IDS
+    return frame[5] in _SECRET_IDS
 
 
 def is_signed(frame: bytes) -> bool:

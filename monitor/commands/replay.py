@@ -72,10 +72,11 @@ def replay(
 def _frames(log: Path) -> Iterator[tuple[int, bytes, float]]:
     """Stamp [us], frame, and how far in the file; refuses what is no telemetry log.
 
-    A frame without a stamp has the last one's.
+    A frame without a stamp has the last one's. Signing keys that somebody sent then are left out.
     """
     from links.mavlink.dialect import load_dialect
     from links.mavlink.framing import NO_STAMP, Framer
+    from links.mavlink.signing import carries_key
     from monitor.recorder import whole_frames
 
     framer = Framer(load_dialect(), stamped=True)
@@ -89,7 +90,8 @@ def _frames(log: Path) -> Iterator[tuple[int, bytes, float]]:
                 for frame, stamp in whole_frames(frames):
                     found = True
                     stamp_us = stamp_us if stamp == NO_STAMP else max(stamp, stamp_us)
-                    yield stamp_us, frame, file.tell() / max(size, 1)
+                    if not carries_key(frame):
+                        yield stamp_us, frame, file.tell() / max(size, 1)
                 if not data:
                     break
     except OSError as error:

@@ -14,6 +14,7 @@ from links.mavlink import Encoder
 from links.mavlink.signing import Signer, SigningClock, SigningKey, Verifier, ticks_of_unix_us
 from links.vocabulary import Rejection
 from monitor.cli import invoke
+from monitor.commands.replay import _frames as replayed
 from monitor.security import VARIABLE, KeyFileError, find_key, new_key_file, open_gate, read_key
 from monitor.security.timestamps import AHEAD_S, SigningTimes, TimestampKeeper, TimestampStore
 from monitor.settings import Settings, SettingsError, load
@@ -314,3 +315,17 @@ def test_signing_can_be_off_while_checking_is_on(tmp_path: Path) -> None:
         assert gate.reception.take([(1, frame, 0, None)]).data
     with pytest.raises(ValueError, match=r"unsigned_links names x, which is none of the links"):
         open_gate(settings(unsigned_links=["x"]), ["a"], {}, tmp_path)
+
+
+# ------------------------------------------------------------------ keys of others
+
+
+def test_a_key_in_a_log_is_not_sent_out_again(tmp_path: Path) -> None:
+    vehicle, log = Encoder(1, 1), tmp_path / "x.tlog"
+    frames = [
+        vehicle.encode("HEARTBEAT", autopilot=3),
+        vehicle.encode("SETUP_SIGNING", secret_key=RAW),
+        vehicle.encode("ATTITUDE", time_boot_ms=5),
+    ]
+    log.write_bytes(b"".join((k + 1).to_bytes(8, "big") + f for k, f in enumerate(frames)))
+    assert [frame for _, frame, _ in replayed(log)] == [frames[0], frames[2]]
