@@ -40,7 +40,8 @@ class Checkpointer:
     Parameters
     ----------
     folder
-        Where files are kept, one of each vehicle; made if it is not there.
+        Where files are kept, one of each vehicle; made if it is not there. None keeps nothing: what
+        a log teaches is not what the vehicle does now.
     settings
         Ours; ``checkpoint.interval_s`` of 0 keeps nothing.
     decoder, pipeline, publisher
@@ -57,7 +58,7 @@ class Checkpointer:
 
     def __init__(
         self,
-        folder: Path,
+        folder: Path | None,
         settings: Settings,
         decoder: Decoder,
         pipeline: Pipeline,
@@ -67,11 +68,11 @@ class Checkpointer:
         self.resumed = False
         self._max_age_s = settings.checkpoint.max_age_s
         self._component = settings.links.component_id
-        self._folder = folder
+        self._folder = folder or Path()
         self._decoder = decoder
         self._stages = decoder, pipeline, publisher
         self._say = say
-        self._interval_us = round(settings.checkpoint.interval_s * 1e6)
+        self._interval_us = round(settings.checkpoint.interval_s * 1e6) if folder else 0
         self._next_us: int | None = None
         self._rows = 0
         self._found: dict[Path, Resumable] = {}

@@ -5,6 +5,7 @@ breaks; then the daemon is killed. While it is dead an accelerometer breaks. Eac
 is a restart after so many seconds, with the checkpoint and without one.
 """
 
+import socket
 import sys
 import tempfile
 import threading
@@ -20,7 +21,13 @@ from tests.circuit import circuit
 from .test_live import READY_S, Listener
 
 BREAKS_S, KILLED_S = 70.0, 82.0
+"""Seconds of the flight at which the pitot breaks and the daemon is killed."""
+
 FAST = 8.0
+"""Pace until shortly before that, times real time."""
+
+STARTS_S = 30.0
+"""Within this a process has started."""
 
 SCENARIO = """\
 title = "A pitot breaks, and an accelerometer while nobody looks"
@@ -62,6 +69,8 @@ class Restart:
         From the start to the first change of state that was said [s].
     before, after
         Sensors called faulty by the killed one, and by its successor.
+    faulty_from_s
+        From the start to the first time that each was called faulty [s].
     announced
         STATUSTEXT of the successor.
     notes
@@ -82,8 +91,6 @@ class Player:
     """Plays a flight into a port; the pace can be changed."""
 
     def __init__(self, flight: list[tuple[int, bytes]], port: int) -> None:
-        import socket
-
         self._flight, self._port = flight, port
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._first_us = flight[0][0]
@@ -118,11 +125,16 @@ class Player:
 
 
 def restart(dead_s: float, folder: Path, *, keeps: bool = True, then_s: float = 20.0) -> Restart:
-    """Kill the daemon in flight, start it again after ``dead_s``, and watch it for ``then_s``."""
+    """Kill the daemon in flight, start it again after ``dead_s``; watch it from its first mask on.
+
+    On a busy machine a process takes some seconds to start; the flight is long enough for that.
+    """
     config = folder / "sentry.toml"
     config.write_text(f"[checkpoint]\ninterval_s = {1.0 if keeps else 0.0}\n")
-    end_s = KILLED_S + dead_s + then_s
-    text = SCENARIO.format(flight=circuit(end_s), breaks_s=BREAKS_S, unseen_s=KILLED_S + dead_s / 2)
+    end_s = KILLED_S + dead_s + STARTS_S + then_s
+    text = SCENARIO.format(
+        flight=circuit(end_s), breaks_s=BREAKS_S, unseen_s=KILLED_S + min(dead_s, 1.0) / 2
+    )
     flight = []
     for t_us, frame in frames(parse(text)):
         flight.append((t_us, frame))
@@ -140,7 +152,8 @@ def restart(dead_s: float, folder: Path, *, keeps: bool = True, then_s: float = 
                 time.sleep(dead_s)
                 listener.messages.clear()
                 with DaemonProcess(arguments, first.port, folder / "state") as second:
-                    player.wait_until(end_s - 0.5)
+                    listener.wait_for("NAMED_VALUE_FLOAT", STARTS_S)
+                    player.wait_until(player.t_s + then_s)
                     second.stop()
         out.after, out.notes = _faulty(second), second.notes
         out.first_verdict_s = min((at for at, _ in second.changes), default=0) - second.started_s

@@ -234,10 +234,14 @@ def assemble(
     daemon = Daemon(parts, here, recorder, host)
     tuning.add(daemon.retune)
     checkpoints = Checkpointer(
-        state_folder(), settings, decoder, pipeline, publisher, partial(tell, Event.CHECKPOINT)
+        None if links.from_file else state_folder(),
+        settings,
+        decoder,
+        pipeline,
+        publisher,
+        partial(tell, Event.CHECKPOINT),
     )
-    if not links.from_file:
-        checkpoints.resume()
+    checkpoints.resume()
     if time.monotonic() - began_s > SLOW_START_S and not links.from_file:
         daemon.discard_waiting()
     running = Running(

@@ -179,6 +179,17 @@ def test_what_is_damaged_is_said_and_costs_nothing_else(kept, tmp_path):
     assert (taken, said) == (False, "checkpoint not used: it is damaged")
 
 
+def test_nothing_is_kept_without_a_folder(pair, tmp_path, written):
+    stages = monitor()
+    checkpointer = Checkpointer(None, load(), *stages)
+    checkpointer.resume()
+    for k, part in enumerate(pair[:300]):
+        stages.pipeline.feed(stages.decoder.feed(part))
+        checkpointer.turn(k * 50_000)
+    checkpointer.close()
+    assert not written
+
+
 def test_nothing_is_kept_before_a_vehicle_is_heard(tmp_path):
     Checkpointer(tmp_path / "state", load(), *monitor()).close()
     assert not (tmp_path / "state").exists()
