@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from monitor.commands.common import ConfigFile, Profile, Refused, load_settings
+from monitor.commands.common import ConfigFile, Profile, Refused, load_settings, note
 from monitor.toml import toml_value
 
 if TYPE_CHECKING:
@@ -55,12 +55,27 @@ def check(file: Annotated[Path, typer.Argument(help="File to check.")]) -> None:
 def show(
     config: ConfigFile = None,
     profile: Profile = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="As `run` takes them: with what was set over MAVLink and is kept."
+        ),
+    ] = False,
 ) -> None:
     """Show every key in force and where its value comes from."""
     settings = load_settings(profile, config)
     from monitor.settings import origins
 
     came_from = origins(profile, config)
+    if live:
+        from monitor.component.parameter_file import parameter_path, read_parameters
+        from monitor.retune import with_values
+
+        own, unused = read_parameters(parameter_path(settings), settings)
+        if unused is not None:
+            note(f"mavsentry: {unused}")
+        settings = with_values(settings, own)
+        came_from |= dict.fromkeys(own, "parameter")
     values = dict(_flat(settings.model_dump()))
     values["learnt.logs"] = [log["name"] for log in values["learnt.logs"]]
     wide = max(
