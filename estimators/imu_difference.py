@@ -101,7 +101,7 @@ STANDARD_GRAVITY = 9.80665
 N_DIFF2, N_LOG_BASE, N_SLOPE, N_SAME_S, N_SAME, N_REPEAT, N_ZERO_S, N_SEEN = range(8)
 """Rows of an IMU's noise state: h, its baseline logarithm, last first difference, since when the
 value has not moved, for how many samples, learnt share of repeated values, since when all six are
-zero, samples seen."""
+zero (the first such sample: what lies before it may be a hole), samples seen."""
 
 KNOWN_SAMPLES = 200.0
 """Samples in flight before an IMU's usual noise is known."""
@@ -330,7 +330,7 @@ def watch_noise(
     s = noise[imu]
     seen = s[N_SEEN, 0]
     gain = max(1.0 / (seen + 20.0), min(1.0, dt / NOISE_BASELINE_S))
-    zero = True
+    zero, began = True, False
     for c in range(6):
         slope = u[c] - last[c]
         bend = slope - s[N_SLOPE, c]
@@ -357,7 +357,8 @@ def watch_noise(
             s[N_LOG_BASE, c] += (SLOWER * gain if loud else gain) * (level - s[N_LOG_BASE, c])
             s[N_SEEN, c] = seen + 1.0
         zero = zero and u[c] == 0.0
-    if not zero:
+        began = began or last[c] != 0.0
+    if not zero or began:
         s[N_ZERO_S, 0] = t
 
 

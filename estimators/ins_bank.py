@@ -44,7 +44,9 @@ from estimators.ins_bank_state import (
     C_FLYING,
     C_GPS_BAD_S,
     C_GRAVITY,
+    C_HOLE_S,
     C_JUDGED,
+    C_NO_FIX_S,
     C_NOW,
     C_POS_E,
     C_POS_M,
@@ -144,6 +146,9 @@ GPS_DISTRUST_S = 5.0
 GPS_GAP_S = 1.0
 """Position against integrated velocity of the receiver itself over 2 s, and a gap of 1 s (the
 deployed form's figures), or of two and a half intervals of a slow receiver."""
+GPS_LOST_S = 5.0
+"""A receiver silent for longer while the IMUs spoke was away; what it says at once is not trusted.
+After a shorter silence, or one that took the IMUs' samples too, only messages were lost."""
 GPS_CONTRADICTION = 0.01
 """Share of the distance flown that the figure of the earth (a sphere here) and scale may cost."""
 
@@ -234,6 +239,8 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
     t0 = b.sample[imu, 0]
     pushed = b.pend_read[-1]
     if math.isnan(t0) or t - t0 > MAX_GAP_S or pushed - b.pend_read[imu] > PENDING:
+        if t - t0 > MAX_GAP_S:
+            b.clock[C_HOLE_S] = t
         for mode in range(2):
             b.aligned_s[2 * imu + mode] = np.nan
         b.pend_read[imu] = pushed
@@ -264,11 +271,26 @@ def _imu_sample(b: Bank, p: Tuning, imu: int, t: float, u: Array) -> None:
 
 
 @inlined
+def _lost_messages(b: Bank, t: float) -> bool:
+    """Whether the IMUs were silent too, since the last fix: the link was, not the receiver."""
+    if b.clock[C_HOLE_S] > b.ref[R_T_GPS]:
+        return True
+    newest = -math.inf
+    for i in range(b.sample.shape[0]):
+        if b.sample[i, 0] > newest:
+            newest = b.sample[i, 0]
+    return bool(t - newest > MAX_GAP_S)
+
+
+@inlined
 def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
     """Note the latest reference, test the receiver against itself, queue the measurement."""
     if kind == GPS:
         lat, alt, lon = z[3], z[4], z[5]
         c = b.clock
+        if math.isnan(z[0]):
+            c[C_NO_FIX_S] = t
+            return
         if not math.isnan(b.ref[R_T_GPS]) and not math.isnan(b.ref[R_LAT]):
             dt = t - b.ref[R_T_GPS]
             if dt <= 0.0:
@@ -281,7 +303,10 @@ def _reference(b: Bank, t: float, kind: int, z: Array) -> None:
             limit = GPS_CONTRADICTION_M + GPS_CONTRADICTION * c[C_POS_M]
             gap = dt > max(GPS_GAP_S, 2.5 * c[C_FIX_S])
             c[C_FIX_S] += 0.1 * (min(dt, 2.0) - c[C_FIX_S])
-            if gap or math.hypot(c[C_POS_N], c[C_POS_E]) > limit:
+            away = c[C_NO_FIX_S] > b.ref[R_T_GPS]
+            away = away or (dt > GPS_LOST_S and not _lost_messages(b, t))
+            apart = not gap and math.hypot(c[C_POS_N], c[C_POS_E]) > limit
+            if (gap and away) or apart:
                 c[C_GPS_BAD_S] = t + GPS_DISTRUST_S
                 b.aligned_s[:] = np.nan
             if gap or t - c[C_POS_T] > GPS_CHECK_S:

@@ -45,7 +45,8 @@ EVENT_WIDTH = 8
 
 IMU: acc xyz, gyro xyz [m/s^2, rad/s]. GPS: vel N, E, D (NaN when unknown) [m/s], latitude [rad],
 height [m], longitude [rad], velocity std [m/s]. BARO: pressure height [m]. ATTITUDE: quaternion
-ned_from_frd. PHASE: 1 when flying begins, 0 when it ends.
+ned_from_frd. PHASE: 1 when flying begins, 0 when it ends. A GPS event whose velocity N is NaN says
+that the receiver has no fix.
 """
 
 N_RATIOS = 7
@@ -119,7 +120,7 @@ class Bank(NamedTuple):
     called: Array  # (I, 6) 1: a fault is called on that axis (the caller says so)
     ratios: Array  # (I, 7) statistic over threshold of the last tick, see ins_bank_tests
     peaks: Array  # (5,) largest healthy values of what is compared, see ins_bank_interest
-    clock: Array  # (17,) see C_* below
+    clock: Array  # (19,) see C_* below
 
     @property
     def last_window(self) -> int:
@@ -132,7 +133,7 @@ R_T_GPS, R_VN, R_VE, R_VD, R_LAT, R_ALT, R_LON, R_T_BARO, R_HGT, R_T_ATT, R_Q = 
 
 C_FLYING, C_TICK, C_NOW, C_GRAVITY, C_POS_N, C_POS_E, C_POS_T, C_GPS_BAD_S = range(8)
 C_CHANGED, C_SPIN_S, C_STOPPED, C_FIX_S, C_POS_M, C_JUDGED = range(8, 14)
-C_COS_LAT, C_SIN_LAT, C_TAN_LAT = range(14, 17)
+C_COS_LAT, C_SIN_LAT, C_TAN_LAT, C_HOLE_S, C_NO_FIX_S = range(14, 19)
 """Columns of ``Bank.clock``: flying flag, last closed tick, time of the last event, local gravity;
 receiver position minus integrated receiver velocity over the last interval and its start;
 time until which the receiver contradicts itself; whether something changed that the caller must
@@ -147,9 +148,9 @@ def make_bank(n_imus: int, tuning: Tuning) -> Bank:
     if w > MAX_WINDOWS:
         raise ValueError(f"{len(tuning.window_s)} lengths of windows: at most {MAX_WINDOWS // 2}")
     nan = np.nan
-    clock = np.zeros(17)
+    clock = np.zeros(19)
     clock[[C_NOW, C_POS_T]] = nan
-    clock[[C_GPS_BAD_S, C_SPIN_S]] = -1e9
+    clock[[C_GPS_BAD_S, C_SPIN_S, C_HOLE_S, C_NO_FIX_S]] = -1e9
     clock[C_TICK], clock[C_GRAVITY], clock[C_FIX_S], clock[C_COS_LAT] = -1.0, 9.80665, 0.2, 1.0
     return Bank(
         x=np.zeros((n, N)),

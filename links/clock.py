@@ -8,8 +8,10 @@ ways, and the clock tells them apart:
 ``Stamp.USEC``      ``time_usec`` of 64 bits: since boot it drives the clock; above 1e14 it is Unix
                     time and only translated (offset from SYSTEM_TIME, else the first pairing)
 ``Stamp.USEC_32``   SERVO_OUTPUT_RAW.time_usec: 32 bits, starts again after 71.6 minutes; follows
-``Stamp.FIX``       a GPS receiver's ``time_usec``: the time of the fix; follows
-``Stamp.NONE``      no stamp: the time of the last stamped message
+``Stamp.FIX``       a GPS receiver's ``time_usec``: the time of the fix; follows. A fix sent again
+                    has the newest time: when it was sent, not when it was measured
+``Stamp.NONE``      no stamp: the time of the last stamped message, or the newest time if that
+                    message was late (:data:`LATE_US`): it overtook nobody
 ==================  ==============================================================================
 
 A stamp up to 5 s behind the newest is a late message and is kept as it is (the pipeline orders
@@ -56,6 +58,9 @@ UNIX_FROM_US = 100_000_000_000_000
 
 BACK_US = 5_000_000
 """A stamp this far behind the newest is a late message, not a reboot [us]."""
+
+LATE_US = 100_000
+"""A message this far behind the newest is late and says nothing of when the next was sent [us]."""
 
 AHEAD_US = 60_000_000
 """A stamp this far ahead of the newest is a gap of the link, believed at once [us]."""
@@ -264,7 +269,7 @@ def tick(clock: Ints, kind: int, raw: int, source: int, unix: int) -> Timed:
             s += clock[_WRAP_MS]
         ahead = s - newest
         if -BACK_US <= ahead <= clock[_AHEAD]:  # nearly always
-            clock[_LAST] = s
+            clock[_LAST] = s if ahead >= -LATE_US else newest
             if ahead > 0:
                 clock[_NEWEST] = s
             clock[_RUN] = 0
@@ -297,7 +302,7 @@ def _unusual(clock: Ints, kind: int, raw: int, source: int) -> Timed:
             return s, 0, TIMED
         fresh = _is_fresh(clock, source, raw)
         near = -BACK_US <= s - newest <= EPOCH_GAP_US
-        return (s if fresh and near else last), s, TIMED
+        return (s if fresh and near else newest), s, TIMED
     if newest == _NEVER:
         clock[_NEWEST] = clock[_LAST] = raw + clock[_EPOCH]
         return clock[_LAST], 0, TIMED

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from links.samples import Rows
+from links.samples import Rows, quantity_of
 from links.vocabulary import Rejection
 
 __all__ = ["Ordering"]
 
 _NEVER = np.iinfo(np.int64).min // 2
+_REPEATING = frozenset({"param", "text", "named"})
+"""What may well say the same twice at one time."""
 
 
 class Ordering:
@@ -22,6 +24,10 @@ class Ordering:
     late, rejected and counted, when it is behind the watermark as it arrives; a row is released
     when it is behind it afterwards. Both depend on the rows before it alone, so the released
     sequence does not depend on how the stream was cut into batches.
+
+    A message that came twice (two radios, a ground station that forwards in a circle) gives the
+    same row twice, with the same time and the same values. One of them is rejected as a duplicate,
+    if it comes within the horizon; later it is late.
 
     Parameters
     ----------
@@ -103,6 +109,11 @@ class Ordering:
             if not len(rows):
                 continue
             released, rest = _split(rows, until_us)
+            if quantity_of(sensor) not in _REPEATING:
+                single = _single(released)
+                if n := len(released) - len(single):
+                    self.rejected[sensor, Rejection.DUPLICATE] += n
+                    released = single
             if len(released):
                 out[sensor] = released
             if len(rest) > self._bound:
@@ -121,3 +132,16 @@ def _split(rows: Rows, until_us: int) -> tuple[Rows, Rows]:
     ready = t_us < until_us
     released = rows[ready]
     return released[np.lexsort((released["seq"], released["t_us"]))], rows[~ready]
+
+
+def _single(rows: Rows) -> Rows:
+    """Rows in order of time without those that repeat the one before."""
+    t_us = rows["t_us"]
+    again = np.flatnonzero(t_us[1:] == t_us[:-1])
+    if not len(again):
+        return rows
+    first, second = rows[again], rows[again + 1]
+    first["seq"] = second["seq"] = 0
+    shape = len(again), rows.dtype.itemsize
+    same = (first.view(np.uint8).reshape(shape) == second.view(np.uint8).reshape(shape)).all(axis=1)
+    return np.delete(rows, again[same] + 1)

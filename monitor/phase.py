@@ -30,14 +30,28 @@ _EVENT = np.dtype(
 class PhaseTracker:
     """Emits a ``phase`` row at each change between flying and not flying.
 
-    A vehicle that boots is not flying until it is seen to fly, and where it stood before says
-    nothing of where it stands now.
+    Where a vehicle stood before it booted says nothing of where it stands now. One that boots on
+    the ground is not flying until it is seen to fly. One that boots *while it flies* may be a new
+    day's first boot, of which the end of the flight before is missing, or an autopilot that
+    restarted in the air: until it is seen to fly, or to stand, or nothing is known of it for
+    ``boot_decide_s``, it is undecided, its sensors start up and its navigation converges, and its
+    rows are to be withheld from the watches (:attr:`withheld`). If it flies, the flight goes on and
+    no ``phase`` row is emitted: what was learnt and latched stays.
+
+    Attributes
+    ----------
+    withheld
+        Spans (from, to) of time [us] of the last step whose rows are withheld; the last one may
+        have no end yet: None. ``to`` itself is not withheld.
     """
 
     def __init__(self, settings: PhaseSettings) -> None:
         self._settings = settings
         self._par = _params(settings)
         self._state = fp.initial_state()
+        self._booted_us: int | None = None
+        self._ground_m = np.nan
+        self.withheld: list[tuple[int, int | None]] = []
 
     def retune(self, settings: PhaseSettings) -> Retuned:
         """Take new speeds, heights and times; whether it flies now is decided by the next rows."""
@@ -47,7 +61,7 @@ class PhaseTracker:
 
     @property
     def flying(self) -> bool:
-        """Whether the aircraft flies now."""
+        """Whether the aircraft is seen to fly now."""
         return bool(self._state[fp.FLYING] > 0.5)
 
     def step(self, rows: Mapping[str, Rows], boots: Sequence[int] = ()) -> Rows:
@@ -58,19 +72,43 @@ class PhaseTracker:
         boots
             Times among these rows at which the vehicle began anew, ascending [us].
         """
+        self.withheld = [] if self._booted_us is None else [(self._booted_us, None)]
         events = self._merged(rows)
-        if not boots:
-            return self._track(events)
-        parts = []
-        edges = np.searchsorted(events["t_us"], np.array(boots))
+        parts: list[Rows] = []
+        edges = np.searchsorted(events["t_us"], np.array(boots, np.int64))
         for before, boot in zip(np.split(events, edges), (*boots, None), strict=True):
+            if self._booted_us is not None:
+                before = self._decide(before, parts)
             parts.append(self._track(before))
             if boot is None:
                 break
-            if self.flying:
-                parts.append(np.array([(0, boot, False)], PHASE_ROW))
+            if self.flying and self._booted_us is None:
+                self._booted_us, self._ground_m = boot, float(self._state[fp.H0])
+                self.withheld.append((boot, None))
             self._state = fp.initial_state()
         return np.concatenate(parts)
+
+    def _decide(self, events: Rows, parts: list[Rows]) -> Rows:
+        """Use events until it is known whether the vehicle that booted flies; return the rest."""
+        assert self._booted_us is not None
+        settle_us = round(self._settings.boot_settle_s * 1e6)
+        decide_us = round(self._settings.boot_decide_s * 1e6)
+        for i, event in enumerate(events):
+            self._track(events[i : i + 1])
+            t_us = int(event["t_us"])
+            since_us = t_us - self._booted_us
+            flies = self.flying and since_us >= settle_us
+            stands = not self.flying and np.isfinite(self._state[fp.H0])
+            if not (flies or stands or since_us >= decide_us):
+                continue
+            if flies:
+                self._state[fp.H0] = self._ground_m
+            else:
+                parts.append(np.array([(event["seq"], t_us, False)], PHASE_ROW))
+            self.withheld[-1] = (self._booted_us, t_us)
+            self._booted_us = None
+            return events[i + 1 :]
+        return events[:0]
 
     def _merged(self, rows: Mapping[str, Rows]) -> Rows:
         """What speed and height are told by, in order."""

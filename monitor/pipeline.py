@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from links.samples import Batch, Rows, quantity_of
-from links.vocabulary import Rejection, State
+from links.vocabulary import Reason, Rejection, State
 from monitor.mute import Muting
 from monitor.ordering import Ordering
 from monitor.phase import PhaseTracker
@@ -30,6 +30,9 @@ UNHEARD_US = 500_000
 """A pause of the monitor that is shorter is the streams' own [us]."""
 
 _MAX_BOOTS = 1000
+_FOREVER = np.iinfo(np.int64).max
+_JUDGED = frozenset({State.OK, State.SUSPECT})
+_BOOT = "the vehicle has started anew in flight"
 _REFERENCES = frozenset({"gps", "attitude"})
 
 
@@ -68,6 +71,7 @@ class Pipeline:
         self._taps = taps
         self._judged: dict[str, Verdict] = {}
         self._states: dict[str, Verdict] = {}
+        self._booting = False
         self._muting = Muting(settings.mute.sensors)
         self._unsaid: list[Verdict] = []
         self._boots: list[int] = []
@@ -174,6 +178,8 @@ class Pipeline:
             released["phase"] = phase
         for tap in self._taps:
             tap.step(released)
+        for span in self._phase.withheld:
+            released = self._withhold(released, span, changes)
         raised: list[Verdict] = []
         estimates: dict[str, Rows] = {}
         for watch in self._watches:
@@ -185,6 +191,29 @@ class Pipeline:
                 )
         self.now_us = until_us
         return StepResult(self._compose(raised, changes), estimates)
+
+    def _withhold(
+        self,
+        released: dict[str, Rows],
+        span: tuple[int, int | None],
+        changes: list[tuple[int, str, Change]],
+    ) -> dict[str, Rows]:
+        """Rows without those of a span in which the vehicle starts up anew in flight."""
+        from_us, to_us = span
+        if from_us >= self.now_us:
+            changes.append((from_us, "", Change.BOOTING))
+        if to_us is not None:
+            phase = released.get("phase")
+            ground = phase is not None and bool((phase["t_us"] == to_us).any())
+            changes.append((to_us, "", Change.GROUNDED if ground else Change.BOOTED))
+        out = {}
+        for sensor, rows in released.items():
+            if sensor != "phase":
+                t_us = rows["t_us"]
+                rows = rows[(t_us < from_us) | (t_us >= (_FOREVER if to_us is None else to_us))]
+            if len(rows):
+                out[sensor] = rows
+        return out
 
     def _compose(
         self, raised: list[Verdict], changes: list[tuple[int, str, Change]]
@@ -211,7 +240,6 @@ class Pipeline:
 
     def _freshness(self, t_us: int, stream: str, change: Change) -> list[Verdict]:
         """Verdicts on the sensors of a stream that stopped, came back or never says anything."""
-        quantity = quantity_of(stream)
         if change is Change.BLANK:
             said = f"{stream} shows nothing: it is not fitted"
             return [Verdict(t_us, stream, State.ABSENT, evidence=said)]
@@ -222,10 +250,36 @@ class Pipeline:
                 for s in sensors
                 if self._states[s].state is not State.ABSENT
             ]
-        if quantity in _REFERENCES:
+        if change is Change.BOOTING:
+            self._booting = True
+            return self._suspended(t_us)
+        if change is Change.BOOTED:
+            self._booting = False
+            return self._suspended(t_us)
+        if change is Change.GROUNDED:
+            self._booting = False
+            return []
+        if quantity_of(stream) in _REFERENCES:
             return [Verdict(t_us, stream, State.OK)]
         return [
-            replace(judged, t_us=t_us)
-            for s, judged in self._judged.items()
+            self._standing(s, t_us)
+            for s in self._judged
             if s.partition(".")[0] == stream and self._states[s].state is State.STALE
         ]
+
+    def _suspended(self, t_us: int) -> list[Verdict]:
+        """Verdicts on what is judged, as a boot in flight begins or is over."""
+        return [
+            self._standing(s, t_us)
+            for s, judged in self._judged.items()
+            if judged.state in _JUDGED and self._states[s].state is not State.STALE
+        ]
+
+    def _standing(self, sensor: str, t_us: int) -> Verdict:
+        """What the watch says of a sensor; while the vehicle boots in flight, that it cannot."""
+        judged = self._judged[sensor]
+        if self._booting and judged.state in _JUDGED:
+            return Verdict(
+                t_us, sensor, State.UNMONITORED, Reason.REFERENCE_MISSING, evidence=_BOOT
+            )
+        return replace(judged, t_us=t_us)

@@ -25,6 +25,12 @@ class Change(Enum):
     FRESH = "fresh"
     STOPPED = "stopped"
     BLANK = "blank"
+    BOOTING = "booting"
+    """Of all at once: the vehicle has booted in flight, what it says is not used yet."""
+    BOOTED = "booted"
+    """It has, and flies on."""
+    GROUNDED = "grounded"
+    """It has, and is on the ground."""
 
 
 @dataclass(slots=True)

@@ -28,6 +28,18 @@ class PhaseSettings(Section):
     join_s: float = Field(
         0.5, ge=0, description="The same for a stream that never showed the aircraft standing."
     )
+    boot_settle_s: float = Field(
+        5.0,
+        ge=0,
+        description="An autopilot that restarts in the air is judged again after this at the "
+        "soonest: its sensors start up, its attitude converges.",
+    )
+    boot_decide_s: float = Field(
+        30.0,
+        gt=0,
+        description="A vehicle that booted in flight, and of which nothing is known for so long, "
+        "counts as standing on the ground.",
+    )
     receiver_timeout_s: float = Field(
         2.0, gt=0, description="Silence after which GPS and autopilot stand in for each other."
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from estimators.air_checks import CheckLimits
 from estimators.air_data_3d_bank import WindBounds
-from estimators.air_data_3d_judge import N_LOG, JudgeLimits
+from estimators.air_data_3d_judge import G_T, N_LOG, JudgeLimits
 from estimators.air_data_3d_noise import NoiseLevels
 from estimators.air_data_3d_stream import (
     EV_ATTITUDE,
@@ -205,6 +205,7 @@ class AirBankWatch:
         self._horizon = Horizon(settings)
         self._tested = np.empty((0, N_ROW))
         self._epoch_us: int | None = None
+        self._said_s = -np.inf
 
     def retune(self, settings: Settings) -> Retuned:
         """Take new settings (see :class:`monitor.verdict.Watch`)."""
@@ -247,6 +248,7 @@ class AirBankWatch:
             said = self._horizon.decide(self._state, self._params, log[n_log:])
             if said:
                 n_log, n_tests = n_log + said, self._horizon.tell(self._state, tests, n_tests)
+        self._in_order(log[:n_log])
         result = StepResult([verdict(row, self._epoch_us) for row in log[:n_log]])
         if n_estimates:
             result.estimates["air"] = _air_rows(estimates[:n_estimates], self._epoch_us)
@@ -254,6 +256,13 @@ class AirBankWatch:
         if n_tests:
             result.estimates |= bank_tests(self._tested, self._epoch_us)
         return result
+
+    def _in_order(self, log: NDArray[np.float64]) -> None:
+        """Let no verdict be older than the one before: an epoch is judged after what follows it."""
+        if len(log):
+            t_s = log[:, G_T]
+            np.maximum(np.maximum.accumulate(t_s), self._said_s, out=t_s)
+            self._said_s = float(t_s[-1])
 
     def tests_beside(self, vanes: VaneTests) -> dict[str, Rows]:
         """Tables of tests of the last step, with those of vanes beside the pitots."""

@@ -195,7 +195,8 @@ class ImuWatch:
         return (new, imu, values) if good.all() else (new[good], imu, values[good])
 
     def _gps_part(self, sensor: str, new: Rows) -> tuple[Rows, int, NDArray[np.float64]] | None:
-        good = (new["fix_type"] >= 3) & ((new["lat_rad"] != 0.0) | (new["lon_rad"] != 0.0))
+        no_fix = new["fix_type"] < 3
+        good = ~no_fix & ((new["lat_rad"] != 0.0) | (new["lon_rad"] != 0.0))
         good &= np.isfinite(new["vel_ned_m_s"][:, :2]).all(axis=1)
         if self._gps is None and good.any():
             self._gps = sensor
@@ -207,11 +208,12 @@ class ImuWatch:
         behind_us = newest_us[:-1] - fix_us
         good &= (fix_us == 0) | (behind_us < 0) | (behind_us > REPEATED_US)
         self._fix_us = int(newest_us[-1])
-        new = new[good]
+        used = good | no_fix
+        new, no_fix = new[used], no_fix[used]
         std = new["vel_std_m_s"]
         values = np.column_stack(
             [
-                new["vel_ned_m_s"],
+                np.where(no_fix[:, None], np.nan, new["vel_ned_m_s"]),
                 new["lat_rad"],
                 np.nan_to_num(new["alt_m"]),
                 new["lon_rad"],

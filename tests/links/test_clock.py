@@ -164,6 +164,15 @@ def test_a_fix_has_its_own_time_until_it_freezes():
     assert result.stamp_us.tolist() == [0, 19_800_000, 0, 19_800_000, 0]
 
 
+def test_a_late_message_sets_the_time_of_nothing_but_itself():
+    clock = VehicleClock()
+    late = boot(20_000_000, 19_700_000)
+    again = (Stamp.FIX, 19_800_000)
+    result = advance(clock, again, *late, again, *late[1:], again, (Stamp.NONE, 0))
+    # Were the fix sent again dated before the fix, it would pass for it, and the fix for the copy.
+    assert result.t_us.tolist()[3:] == [19_800_000, 19_700_000, 20_000_000, 20_000_000]
+
+
 def test_a_fix_in_unix_time_comes_onto_the_vehicle_clock():
     clock = VehicleClock()
     result = advance(

@@ -73,3 +73,24 @@ def test_latency_is_taken_off_before_ordering() -> None:
     ordering.feed(batch([("gps0", 1_000_000)]).rows)
     assert ordering.finish()["gps0"]["t_us"].tolist() == [900_000]
     assert ordering.watermark_us == 900_000 - HORIZON_US
+
+
+def test_a_row_that_came_twice_counts_once_and_one_that_differs_is_another() -> None:
+    arrived = batch([("imu0", t) for t in (0, 25_000, 0, 50_000, 25_000, 50_000)])
+    arrived.rows["imu0"]["acc_m_s2"][5, 2] = -9.8
+    out, ordering = drain(arrived.split([2, 5]))
+    assert out == {"imu0": [0, 1, 3, 5]}
+    assert ordering.rejected == {("imu0", Rejection.DUPLICATE): 2}
+
+
+def test_what_is_no_number_is_the_same_as_itself() -> None:
+    arrived = batch([("imu0", 0), ("imu0", 0)])
+    arrived.rows["imu0"]["acc_m_s2"] = np.nan
+    out, _ = drain([arrived])
+    assert out == {"imu0": [0]}
+
+
+def test_texts_and_parameters_may_say_the_same_twice() -> None:
+    out, ordering = drain([batch([("param", 0), ("param", 0)])])
+    assert out == {"param": [0, 1]}
+    assert not ordering.rejected
