@@ -44,6 +44,7 @@ from estimators.air_data_3d_noise import (
     APART,
     GPS_STD,
     GUST_STD,
+    LONGEST_STEP_S,
     R_COMMON,
     R_LATERAL,
     R_OWN,
@@ -301,7 +302,7 @@ def use_epoch(
     if np.isnan(V[2]):
         V[2] = v_nav[2] if has_nav else 0.0
     memory[SPEED] = math.sqrt(V[0] ** 2 + V[1] ** 2)
-    dt = min(max(t - memory[T_EPOCH], 0.01), 2.0)
+    dt = min(max(t - memory[T_EPOCH], 0.01), LONGEST_STEP_S)
     memory[T_EPOCH] = t
     reference_noise(air.noise, dt, V, v_nav, has_nav)
     if memory[FLYING] < 0.5:

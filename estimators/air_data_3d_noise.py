@@ -32,6 +32,7 @@ __all__ = [
     "APART",
     "GPS_STD",
     "GUST_STD",
+    "LONGEST_STEP_S",
     "N_NOISE",
     "R_COMMON",
     "R_LATERAL",
@@ -55,6 +56,9 @@ LEVEL_TAU_S = 10.0
 GUST_RISE_S, GUST_FALL_S = 5.0, 30.0
 """Gusts come in bursts: their level is believed soon and forgotten late."""
 REFERENCE_TAU_S = 2.0
+
+LONGEST_STEP_S = 2.0
+"""An epoch counts for no more than this; one that comes after as long comes after a gap."""
 
 
 class NoiseLevels(NamedTuple):
@@ -101,7 +105,8 @@ def reference_noise(state: Array, dt: float, V: Array, v_nav: Array, has_nav: bo
     """Follow GPS noise, how far GPS and the autopilot are apart, and the acceleration.
 
     Fast scatter that both show is flight, not noise; a lasting difference says that one of them is
-    wrong, not which.
+    wrong, not which. After a gap the differences begin anew: what one of the two flew meanwhile,
+    the other need not have seen.
 
     Parameters
     ----------
@@ -109,6 +114,9 @@ def reference_noise(state: Array, dt: float, V: Array, v_nav: Array, has_nav: bo
     V, v_nav : (3,) float64 [m/s]
     """
     weight = min(dt / REFERENCE_TAU_S, 1.0)
+    if dt >= LONGEST_STEP_S:
+        state[_GPS : _GPS + 4] = np.nan
+        state[_NAV : _NAV + 4] = np.nan
     a2 = 0.0
     for i in range(2):
         if not np.isnan(state[_GPS + 2 + i]):

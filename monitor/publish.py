@@ -231,8 +231,12 @@ class Publisher:
         faults = {FAULT + k: bits for k, bits in masks(self._states, {State.FAULTY}).items()}
         return faults | stopped_engines(self._states)
 
+    def _monitored(self) -> dict[str, int]:
+        """What is being judged: nothing while the vehicle is not heard, whatever the states say."""
+        return masks(self._states, () if self._silent else _MONITORED)
+
     def _all_masks(self, t_us: int) -> list[Message]:
-        monitored = masks(self._states, _MONITORED)
+        monitored = self._monitored()
         return [_named(t_us, name, bits) for name, bits in self._faults().items()] + [
             _named(t_us, MONITORED + name, bits) for name, bits in monitored.items()
         ]
@@ -248,7 +252,7 @@ class Publisher:
         ]
         self._sent_faults = faults
         if periodic:
-            monitored = masks(self._states, _MONITORED)
+            monitored = self._monitored()
             out += [_named(t_us, MONITORED + name, bits) for name, bits in monitored.items()]
         return out
 

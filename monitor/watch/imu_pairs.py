@@ -127,6 +127,8 @@ class PairTests:
             self._start_course()
         elif not pending and r.now_s - self._marked_s > MARK_S:
             self._driven = None
+        elif self._driven is not None and self._lost_course(whole):
+            self._start_course()
         if self._driven is not None and len(whole) == 2:
             i, j = whole
             s = r.bank.pair[i, j]
@@ -134,6 +136,11 @@ class PairTests:
             bank.drive(r.bank, i, d - self._driven)
             bank.drive(r.bank, j, self._driven - d)
             self._driven = d
+
+    def _lost_course(self, whole: list[int]) -> bool:
+        """Whether a filter was aligned anew since the window started: a hole in the samples."""
+        b = self._record.bank
+        return any(math.isnan(b.start_s[c, -1]) for i in whole for c in self._record.filters(i))
 
     def _start_course(self) -> None:
         bank.mark(self._record.bank, self._record.now_s)

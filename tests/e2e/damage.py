@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tests.impairments import retimed
 
 Frames = Sequence[tuple[int, bytes]]
 """(stamp [us], frame) of MAVLink 2 without signatures."""
 
 S = 1_000_000
 HEAD, CRC = 10, 2
-SERVO_OUTPUT_RAW, SYSTEM_TIME = 36, 2
-BEGINS_WITH = {i: c.ordered_fieldnames[0] for i, c in mavlink.mavlink_map.items()}
 
 
 def frames_of(data: bytes) -> list[tuple[int, bytes]]:
@@ -39,29 +39,6 @@ def flown(frames: Frames, from_s: float, to_s: float = np.inf) -> list[tuple[int
     """Frames of a span of time, which counts from the first."""
     first = frames[0][0]
     return [x for x in frames if from_s * S <= x[0] - first < to_s * S]
-
-
-def retimed(frame: bytes, clock: Callable[[int], float]) -> bytes:
-    """The frame as a vehicle would send it whose clock shows ``clock(t_us)`` at ``t_us``."""
-    message = frame[7] | frame[8] << 8 | frame[9] << 16
-    name = BEGINS_WITH.get(message, "")
-    if name == "time_boot_ms":
-        at, form, unit = 0, "<I", 1000
-    elif message == SERVO_OUTPUT_RAW:
-        at, form, unit = 0, "<I", 1
-    elif message == SYSTEM_TIME:
-        at, form, unit = 8, "<I", 1000
-    elif name == "time_usec":
-        at, form, unit = 0, "<Q", 1
-    else:
-        return frame
-    size = max(frame[1], at + struct.calcsize(form))
-    payload = bytearray(frame[HEAD : HEAD + frame[1]].ljust(size, b"\0"))
-    (stamp,) = struct.unpack_from(form, payload, at)
-    if stamp == 0 or stamp * unit > 1e14:  # no time, or Unix time
-        return frame
-    struct.pack_into(form, payload, at, round(clock(stamp * unit) / unit))
-    return _framed(frame, bytes(payload))
 
 
 def _framed(frame: bytes, payload: bytes) -> bytes:

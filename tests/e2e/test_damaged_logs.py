@@ -17,6 +17,7 @@ from monitor.analyze import Analysis, analyze_into, analyze_log
 from monitor.commands.feed import write_log
 from monitor.settings import load
 from sim_feeds.scenario import load as load_scenario
+from tests.impairments import retimed
 
 from .damage import (
     Frames,
@@ -28,7 +29,6 @@ from .damage import (
     frames_of,
     log_of,
     lossy,
-    retimed,
     shuffled,
     stepped,
 )

@@ -256,3 +256,13 @@ def test_a_change_is_announced_once():
     assert [m.fields for m in sent] == [
         {"severity": 2, "text": "airspeed0 FAULTY: 3.1 m/s low since 12 s"}
     ]
+
+
+def test_nothing_is_monitored_while_the_vehicle_is_not_heard() -> None:
+    publisher = Publisher(PublishSettings())
+    publisher.note(StepResult([verdict("airspeed0", State.OK), verdict("airspeed1", State.FAULTY)]))
+    heard = named(run(publisher, 1.0), "MON_AIR")
+    silent = run(publisher, 1.0, start_s=1.0, silent=True)
+    assert {value for _, value in heard} == {3}
+    assert {value for _, value in named(silent, "MON_AIR")} == {0}
+    assert {value for _, value in named(silent, "FLT_AIR")} == {2}  # what was found stands
