@@ -266,7 +266,9 @@ def outcome(case: Case, flight: Flight, seed: int = 1) -> Outcome:
         shares = [sum(b - a for a, b in s) / length_us for s in spans]
         out.monitored[group] = min(shares, default=math.nan)
         if not math.isnan(case.lasts_s):
-            out.back_s[group] = max((_back_s(s, at_us[0] - SOON_US) for s in spans), default=math.nan)
+            out.back_s[group] = max(
+                (_back_s(s, at_us[0] - SOON_US) for s in spans), default=math.nan
+            )
     return out
 
 

@@ -151,11 +151,13 @@ def test_the_daemon_behind_a_bad_link(healthy: Flight, tmp_path, monkeypatch) ->
         Listener() as listener,
         DaemonProcess(("--out", f"udpout:127.0.0.1:{listener.port}")) as daemon,
         Relay(daemon.port) as relay,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle,
     ):
+        vehicle.connect(("127.0.0.1", relay.port))
         listener.wait_for("HEARTBEAT", READY_S)
         relay.stages = bad
         began_s = time.monotonic()
-        sender = threading.Thread(target=play, args=(flight, to(relay.port), SPEED), daemon=True)
+        sender = threading.Thread(target=play, args=(flight, vehicle.send, SPEED), daemon=True)
         sender.start()
         time.sleep(45.0 / SPEED)
         assert monitored(listener)[0] > 0.0
@@ -180,12 +182,6 @@ def test_the_daemon_behind_a_bad_link(healthy: Flight, tmp_path, monkeypatch) ->
 
 
 ACTIVE, EMERGENCY = 4, 6
-
-
-def to(port: int):
-    """Sends datagrams to a port of the loopback."""
-    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    return lambda frame: link.sendto(frame, ("127.0.0.1", port))
 
 
 def heartbeats(listener: Listener) -> list[int]:
