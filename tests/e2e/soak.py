@@ -364,8 +364,10 @@ def soak(arguments: argparse.Namespace, say: Callable[[str], None]) -> tuple[dic
         finally:
             player.close()
         told_s = time.monotonic()
-        status = daemon.stop()
+        os.kill(daemon.pid, signal.SIGTERM)
+        wait_until(lambda: not daemon.running, 30.0, "the daemon's end")
         stop_s = time.monotonic() - told_s
+        status = daemon.stop()
         faults = sum(change["state"] == "faulty" for _, change in daemon.changes)
     heartbeats.close()
     samples = watched.samples

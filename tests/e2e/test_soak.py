@@ -10,6 +10,7 @@ from links.mavlink import Decoder
 from links.mavlink.dialect import load_dialect
 from links.mavlink.framing import Framer
 
+from .flood import flood
 from .long_flight import Laps, fly
 from .soak import Sample, arguments_of, soak, verdict
 
@@ -52,7 +53,7 @@ def test_laps_follow_each_other_without_a_seam(laps):
 
 
 def test_a_short_soak_holds():
-    given = "--minutes 0.3 --speed 4 --imus 4 --laps 1 --straight-s 4 --sample-s 2 --grown-mb 30"
+    given = "--minutes 0.2 --speed 6 --imus 4 --laps 1 --straight-s 4 --sample-s 2 --grown-mb 30"
     said = []
     figures, _ = soak(arguments_of(given.split()), said.append)
     assert figures["flown_s"] > 50, said
@@ -77,3 +78,12 @@ def test_what_does_not_hold_is_said(change, sent, longest_s, faults, said):
     samples = [GOOD] * 40 + [replace(GOOD, **change)] * 10
     wrong = verdict(samples, sent, 1000, longest_s, faults, grown_mb=8.0)
     assert wrong == ([said] if said else [])
+
+
+def test_a_flood_beside_a_flight_costs_no_sample():
+    said = []
+    figures = flood(20_000.0, 500, 4.0, said.append)
+    assert figures["junk_per_s"] > 5_000, said
+    assert figures["rows_lost"] == 0, said
+    assert figures["faults"] == 0, said
+    assert figures["longest_gap_s"] < 2.5, said
