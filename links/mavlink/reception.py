@@ -11,7 +11,8 @@ own. A frame whose checksum is right passes, in this order,
    another sender that took our id;
 5. which link speaks: of a sender that is heard on several, one link at a time goes to the decoder,
    the first; another steps in after its silence. With signatures it is the sender's own link id
-   that speaks, so copies of one packet over two paths are one stream. Services hear all links.
+   that speaks, so copies of one packet over two paths are one stream, and who signs takes the
+   word from who does not. Services hear all links.
 
 What is refused changes nothing but a counter. All of it depends on the arrivals and their order,
 not on how they are grouped into calls.
@@ -45,6 +46,7 @@ _SIGNED = 0x01
 _TAIL = 13
 _RADIO = 51 << 8 | 68  # a SiK radio's own reports, which cannot be signed
 _NOBODY = -1
+_SIGNED_VOICE = 1 << 16  # plus the sender's link id; what speaks unsigned is a number of our links
 
 Arrival = tuple[int, bytes, int, object]
 """Link, bytes, host time [us], who sent it there; ``links.endpoints.hub.Arrival`` is one."""
@@ -334,7 +336,7 @@ class Reception:
                     if why is not None:
                         self._refuse(link, why, out)
                         continue
-                    signed, voice = True, 256 + block[end - _TAIL]
+                    signed, voice = True, _SIGNED_VOICE + block[end - _TAIL]
                 elif demanded:
                     self._refuse(link, Rejection.UNSIGNED, out, sender)
                     continue
@@ -351,8 +353,9 @@ class Reception:
             accepted += 1
             if not feeds:
                 continue
-            if voices[sender] != voice:
-                if voices[sender] != _NOBODY and host_us - spoke_us[sender] <= takeover_us:
+            if (spoke := voices[sender]) != voice:
+                proven = voice >= _SIGNED_VOICE > spoke
+                if not (spoke == _NOBODY or proven or host_us - spoke_us[sender] > takeover_us):
                     self._refuse(link, Rejection.SPARE_LINK, out)
                     continue
                 voices[sender] = voice

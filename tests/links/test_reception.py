@@ -302,6 +302,15 @@ def test_a_vehicle_that_signs_for_two_links_speaks_by_one() -> None:
     assert gate.take([(1, two.attitude(2), 600 * MS, None)]).data
 
 
+def test_who_signs_takes_the_word_from_who_does_not_and_keeps_it() -> None:
+    gate = reception(2, key=True, accept_unsigned=True)
+    bare, signed = Station(secret=None), Station()
+    assert gate.take([(0, bare.attitude(1), 0, "x")]).data
+    assert gate.take([(1, signed.attitude(2), 1, "y")]).data
+    assert not gate.take([(0, bare.attitude(3), 2, "x")]).data
+    assert gate.take([(1, signed.attitude(4), 3, "y")]).data
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_how_arrivals_are_grouped_does_not_matter(data: st.DataObject) -> None:
