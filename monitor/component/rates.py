@@ -29,6 +29,11 @@ class Counted(Protocol):
         ...
 
     @property
+    def blank(self) -> bool:
+        """Whether no row has said anything so far: an instance that is not fitted."""
+        ...
+
+    @property
     def last_us(self) -> int:
         """Vehicle time of the newest row [us]."""
         ...
@@ -91,7 +96,7 @@ class Rates:
         self.hz = {
             name: (s.samples - self._counts.get(name, 0)) * 1e6 / span_us
             for name, s in streams.items()
-            if s.samples > self._counts.get(name, 0)
+            if s.samples > self._counts.get(name, 0) and not s.blank
         }
         self._from_us = newest_us
         self._counts = {name: s.samples for name, s in streams.items()}

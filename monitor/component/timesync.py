@@ -33,8 +33,8 @@ OUTSTANDING = 8
 ANSWERS = 8
 """Newest answers of which the quickest tells the offset, as in RFC 5905."""
 
-FIRST_S, FIRST_ANSWERS = 1.0, 4
-"""Until this many answers have come a request goes out once a second."""
+FIRST_S, FIRST = 1.0, 4
+"""The first requests go out a second apart, so that there is an offset soon."""
 
 ROUND_TRIP_MAX_NS = 2_000_000_000
 """An answer that took longer says nothing."""
@@ -79,7 +79,7 @@ class TimeSync:
         self._next_us: int | None = None
         self._sent: OrderedDict[int, None] = OrderedDict()
         self._samples: deque[tuple[int, int]] = deque(maxlen=ANSWERS)
-        self._answers = 0
+        self._answers = self._requests = 0
         self._asked: OrderedDict[int, None] = OrderedDict()
         self._rival_us: int | None = None
 
@@ -119,7 +119,8 @@ class TimeSync:
         if self._next_us is not None and now_us < self._next_us:
             return []
         period_us = self._period_us
-        if self._answers < FIRST_ANSWERS:
+        if self._requests < FIRST:
+            self._requests += 1
             period_us = min(period_us, round(FIRST_S * 1e6))
         self._next_us = now_us + period_us
         stamp_ns = self._stamp(now_us)

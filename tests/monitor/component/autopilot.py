@@ -51,6 +51,7 @@ class Autopilot:
     busy: int = 0
     """IN_PROGRESS before an answer."""
     fitted: frozenset[str] = frozenset({"imu0", "attitude", "gps0", "nav", "baro0", "servo"})
+    blank: frozenset[str] = frozenset()
     bare_acks: bool = False
     """Leaves the target out of its answers."""
 
@@ -69,7 +70,7 @@ class Autopilot:
 
     def streams(self) -> dict[str, SimpleNamespace]:
         return {
-            name: SimpleNamespace(samples=int(n), last_us=self.t_us)
+            name: SimpleNamespace(samples=int(n), last_us=self.t_us, blank=name in self.blank)
             for name, n in self.counts.items()
             if n >= 1
         }

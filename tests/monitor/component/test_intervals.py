@@ -369,3 +369,14 @@ def test_the_text_names_some_streams_and_counts_the_rest():
     assert text == "Streams slow: imu0 attitude gps0 +4"
     longest = sorted(map(len, NEEDS))[-3:]
     assert len("Streams slow: ") + sum(longest) + 2 + len(" +99") <= TEXT_MAX
+
+
+def test_a_stream_of_zeros_is_no_sensor_that_is_missed():
+    pilot = autopilot(slow={"SCALED_IMU2": 2.0})
+    pilot.fitted |= {"imu1"}
+    pilot.blank = frozenset({"imu1"})
+    world = World(pilot)
+    service = asking(world)
+    world.run(service, 40)
+    assert pilot.hz["SCALED_IMU2"] == 2.0
+    assert service.notes == ()
