@@ -5,9 +5,10 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 BROWSER_STAMP := $(VENV)/.browser-installed
+PARALLEL := -n logical --maxprocesses 8 --dist worksteal
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
-.PHONY: install demo test test-external lint bench audit clean
+.PHONY: install demo test test-external lint kernels bench audit clean
 
 install: $(STAMP)
 
@@ -35,8 +36,14 @@ lint: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: $(STAMP) lint
-	$(BIN)/pytest
+# The machine code of the kernels; where it is made already, this takes seconds.
+kernels: $(STAMP)
+	$(BIN)/mavsentry warmup
+
+# The kernels are compiled once, beside the lint, before several processes would each do it.
+test: $(STAMP)
+	$(MAKE) --no-print-directory -j2 lint kernels
+	$(BIN)/pytest $(PARALLEL)
 
 # Tests that need a browser; SCREENS=DIR keeps pictures of the pages.
 test-external: $(BROWSER_STAMP)

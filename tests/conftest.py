@@ -2,11 +2,15 @@
 
 import os
 import tempfile
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
+from tests.turns import turn
+
 ROOT = Path(__file__).resolve().parents[1]
+TURNS = "MAVSENTRY_TEST_TURNS"
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -19,6 +23,23 @@ def _own_state():
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--screens", metavar="DIR", help="keep screenshots of the pages in DIR")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Who hands out tests to several processes gives them a place for their locks."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        folder = tempfile.TemporaryDirectory(prefix="mavsentry-tests-")
+        os.environ[TURNS] = folder.name
+        config.add_cleanup(folder.cleanup)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Of several processes, that with a test marked ``alone`` has the machine for itself."""
+    if (place := os.environ.get(TURNS)) is None:
+        return (yield)
+    with turn(Path(place, "turns"), alone=item.get_closest_marker("alone") is not None):
+        return (yield)
 
 
 @pytest.fixture(scope="session")

@@ -247,6 +247,7 @@ def test_a_peer_that_is_not_there_is_no_error():
     assert process.returncode == 0, err
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("arguments", [("replay",), ("analyze",)])
 def test_ctrl_c_ends_with_130(flight_log, tmp_path, arguments):
     import os

@@ -167,6 +167,7 @@ def test_a_configuration_that_is_broken_changes_nothing(service):
     service.write(silent_s=1.5)
 
 
+@pytest.mark.alone
 def test_a_log_that_was_moved_away_is_begun_anew(service):
     (service.folder / "events.jsonl").rename(service.folder / "events.jsonl.1")
     os.kill(service.process.pid, signal.SIGUSR1)
@@ -179,6 +180,7 @@ def test_a_log_that_was_moved_away_is_begun_anew(service):
     assert status["beat_gap_s"] < 2.0
 
 
+@pytest.mark.alone
 def test_it_stops_within_a_second_in_order_and_says_all(service):
     began_s = time.monotonic()
     os.kill(service.process.pid, signal.SIGTERM)

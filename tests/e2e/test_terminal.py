@@ -10,11 +10,15 @@ import subprocess
 import termios
 import time
 
+import pytest
+
 from monitor.commands.daemon_process import free_port
 
 from .conftest import COMMAND
 
 ENDS_S = 120.0
+
+pytestmark = pytest.mark.alone
 
 
 class Terminal:

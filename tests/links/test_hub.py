@@ -126,6 +126,7 @@ def test_a_link_that_goes_does_not_touch_the_others():
         udp.close()
 
 
+@pytest.mark.alone
 def test_nothing_blocks_the_loop(monkeypatch):
     """Longest call while a serial port hangs as it opens and the name server does not answer."""
     serial = pytest.importorskip("serial")
@@ -175,6 +176,7 @@ def test_nothing_blocks_the_loop(monkeypatch):
     assert closing_s < 0.05
 
 
+@pytest.mark.alone
 def test_tcp_waits_longer_after_each_failure_and_not_in_step(ground):
     port = ground.port
     ground.close()
