@@ -113,8 +113,8 @@ class Judging(Protocol):
 class Recording(Protocol):
     """What the loop needs of ``monitor.recorder.Recorder``."""
 
-    def take(self, data: bytes, host_us: int) -> None:
-        """Bytes received, and when (host monotonic [us])."""
+    def take(self, data: bytes, host_us: int, link: int) -> None:
+        """Bytes received on a link, and when (host monotonic [us])."""
         ...
 
     def take_sent(self, frame: bytes, host_us: int) -> None:
@@ -327,8 +327,8 @@ class Daemon:
     def _use(self, arrived: list[Arrival]) -> StepResult:
         self._datagrams += len(arrived)
         if self._record is not None:
-            for _, data, host_us, _ in arrived:
-                self._record.take(data, host_us)
+            for link, data, host_us, _ in arrived:
+                self._record.take(data, host_us, link)
         received = self._reception.take(arrived)
         for link, peer in received.peers:
             self._links.accepted(link, peer)

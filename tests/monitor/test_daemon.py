@@ -340,7 +340,7 @@ class FakeRecorder:
     def __init__(self):
         self.taken, self.sent = [], []
 
-    def take(self, data, host_us):
+    def take(self, data, host_us, link):
         self.taken.append((data, host_us))
 
     def take_sent(self, frame, host_us):

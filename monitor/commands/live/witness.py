@@ -76,6 +76,7 @@ class Witness:
         self._next_us = now_us + LOOK_US
         self._see_vehicle()
         self._see_links()
+        self._see_recorder()
         self._see_notes(now_us)
         if now_us >= self._refused_us:
             self._refused_us = now_us + REFUSED_US
@@ -108,19 +109,27 @@ class Witness:
                     Event.LINK_DOWN, f"{state.name} is not open{why_not}", "warning", **facts
                 )
 
+    def _see_recorder(self) -> None:
+        recorder = self._running.recorder
+        for sentence in recorder.news() if recorder is not None else ():
+            grave = "warning" if recorder is not None and recorder.stopped else "info"
+            self._tell(Event.RECORDER, sentence, grave)
+
     def _see_notes(self, now_us: int) -> None:
         """Tell what is new of what an operator must know."""
         trouble = self._tell.log.trouble
+        recorder = self._running.recorder
+        said = recorder.stopped if recorder is not None else None  # which has its own events
         notes = (*self._running.notes(), *((trouble,) if trouble else ()))
         for text in notes:
+            if text == said:
+                continue
             if text in self._standing or now_us - self._told.get(text, -REPEAT_US) < REPEAT_US:
                 continue
             if len(self._told) >= NOTES_KEPT:
                 del self._told[min(self._told, key=lambda known: self._told[known])]
             self._told[text] = now_us
-            recorder = self._running.recorder
-            stopped = recorder is not None and text == recorder.stopped
-            self._tell(Event.RECORDER if stopped else Event.NOTE, text, "warning")
+            self._tell(Event.NOTE, text, "warning")
         self._standing = frozenset(notes)
 
     def _see_refused(self) -> None:
