@@ -54,7 +54,7 @@ def joined(parts: Sequence[Received]) -> tuple[Any, ...]:
 def test_halves_of_frames_of_two_links_do_not_mix() -> None:
     one, two = Encoder(1, 1).encode("ATTITUDE", roll=1.0), Encoder(7, 1).encode("ATTITUDE", yaw=2.0)
     gate = reception(2)
-    got = gate.take([(0, one[:20], 1, None), (1, two[:9], 2, None), (0, one[20:], 3, None)])
+    got = gate.take([(0, one[:11], 1, None), (1, two[:9], 2, None), (0, one[11:], 3, None)])
     assert got.data == one
     got = gate.take([(1, two[9:], 4, None)])
     assert got.data == two
