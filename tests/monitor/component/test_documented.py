@@ -39,3 +39,17 @@ def test_every_key_on_the_page_exists():
     assert keys
     assert keys <= set(ComponentSettings.model_fields)
     assert ANSWERS == 8
+
+
+def test_the_texts_on_the_page_are_those_of_the_code():
+    code = "".join(
+        p.read_text("utf-8") for p in (PAGE.parents[1] / "monitor/component").glob("*.py")
+    )
+    page = PAGE.read_text("utf-8")
+    shown = re.findall(r"^\| `((?:Streams|MAVSENTRY)[^`]*)`", page, re.MULTILINE)
+    assert len(shown) == 3
+    for text in shown:
+        assert len(text) <= 50
+        begin = re.match(r"[A-Za-z: ]+", text)
+        assert begin is not None
+        assert begin[0].removesuffix(" imu") in code
