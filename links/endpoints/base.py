@@ -28,6 +28,7 @@ __all__ = [
     "now_us",
     "plain",
     "resolve",
+    "unknown",
 ]
 
 MAX_PER_RECV = 4096
@@ -313,14 +314,22 @@ class Link(ABC):
         self.counters.sent += 1
 
 
-def resolve(name: str, host: str, port: int, kind: int) -> tuple[int, Any]:
-    """Address family and address of a host; asks the name server, which may take long."""
+def resolve(name: str, host: str, port: int, kind: int, turn: int = 0) -> tuple[int, Any]:
+    """Address family and address of a host; asks the name server, which may take long.
+
+    Of several addresses the first, or the next ones in turn.
+    """
     try:
         found = socket.getaddrinfo(host, port, type=kind)
     except (OSError, UnicodeError):
-        raise LinkError(f"{name}: there is no host called {host}", may_mend=True) from None
-    family, _, _, _, address = found[0]
+        raise unknown(name, host) from None
+    family, _, _, _, address = found[turn % len(found)]
     return family, address
+
+
+def unknown(name: str, host: str) -> LinkError:
+    """A name that no name server knows, now."""
+    return LinkError(f"{name}: there is no host called {host}", may_mend=True)
 
 
 _REASONS = {

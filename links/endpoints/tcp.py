@@ -18,6 +18,7 @@ from links.endpoints.base import (
     now_us,
     plain,
     resolve,
+    unknown,
 )
 from links.endpoints.opening import Opener
 from links.endpoints.sending import SendQueue
@@ -152,9 +153,10 @@ class TcpClient(Link):
             self._stream = None
 
     def _make(self) -> socket.socket:
-        _, address = resolve(self.name, self._host, self._port, socket.SOCK_STREAM)
-        try:
-            return socket.create_connection(address[:2], CONNECT_S)
+        try:  # of several addresses the first that answers
+            return socket.create_connection((self._host, self._port), CONNECT_S)
+        except (socket.gaierror, UnicodeError):
+            raise unknown(self.name, self._host) from None
         except OSError as error:
             raise plain(self.name, error) from None
 

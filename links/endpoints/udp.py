@@ -210,7 +210,7 @@ class UdpSpeaker(_Udp):
     """
 
     def __init__(self, name: str, host: str, port: int, options: LinkOptions) -> None:
-        self._own_port = 0
+        self._own_port = self._turn = 0
         self._named = not _is_address(host)
         self._watchdog_us = round(options.watchdog_s * 1e6)
         self._heard_here = False
@@ -272,7 +272,9 @@ class UdpSpeaker(_Udp):
             self._opener.lost(trouble, now_us())
 
     def _make(self) -> socket.socket:
-        family, address = resolve(self.name, self._host, self._asked_port, socket.SOCK_DGRAM)
+        where = (self.name, self._host, self._asked_port, socket.SOCK_DGRAM)
+        family, address = resolve(*where, turn=self._turn)
+        self._turn += 1  # localhost may be ::1 and 127.0.0.1: whoever listens is found
         sock = self._new_socket(family)
         try:
             if self._own_port:  # by which the peer may know us

@@ -205,6 +205,30 @@ def test_udpout_asks_for_the_name_again_while_nobody_answers(station, monkeypatc
         assert link.counters.opened == 2
 
 
+def test_of_several_addresses_the_one_where_somebody_listens_is_found(station, monkeypatch):
+    nobody, somebody = station("127.0.0.2"), station("127.0.0.3")
+    nobody.socket.close()
+    monkeypatch.setattr(
+        socket,
+        "getaddrinfo",
+        lambda host, port, **_: [
+            (socket.AF_INET, 0, 0, "", (address, port)) for address in ("127.0.0.2", "127.0.0.3")
+        ],
+    )
+    quick = LinkOptions(retry_first_s=0.02, retry_longest_s=0.05)
+    with open_endpoint(f"udpout:localhost:{somebody.address[1]}", options=quick) as link:
+
+        def arrived():
+            link.send(b"here")
+            return b"here" in somebody.heard()
+
+        until(arrived, link)
+        for _ in range(5):  # and stays there
+            link.send(b"more")
+            link.tend(now_us())
+        assert somebody.heard() == [b"more"] * 5
+
+
 def test_a_name_that_cannot_be_resolved_yet_is_waited_for(station, monkeypatch):
     ground = station()
     known = []
