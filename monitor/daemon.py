@@ -235,17 +235,21 @@ class Daemon:
         self._turns = self._datagrams = self._rows = self._sent = self._refused = 0
 
     def turn(self) -> StepResult:
-        """One turn of the loop: at most :data:`IDLE_S` of waiting, then all that is due."""
+        """One turn of the loop: at most :data:`IDLE_S` of waiting, then all that is due.
+
+        Verdicts leave first; what the component owes others does not delay them.
+        """
         arrived, oldest_us = self._gather()
-        result = StepResult()
+        result, heard = StepResult(), list[Heard]()
         if arrived:
             self._worked_us = self._host.now_us()
-            result = self._use(arrived)
-        answered = self._send_due()
-        if arrived and answered:
+            result, heard = self._use(arrived)
+        published = self._publish()
+        if arrived and published:
             took_us = self._host.now_us() - oldest_us
             self._meter.add(took_us)
             self._recent.add(took_us)
+        self._serve(heard)
         now_us = self._host.now_us()
         self._links.tend(now_us)
         self._gate.tend(now_us)
@@ -257,7 +261,7 @@ class Daemon:
         results = (self._pipeline.feed(self._decoder.finish()), self._pipeline.finish())
         for result in results:
             self._publisher.note(result)
-        self._send_due()
+        self._publish()
         now_us = self._host.now_us()
         self._outbox.put(self._component.close(now_us))
         self._flush(now_us)
@@ -324,7 +328,7 @@ class Daemon:
         self._looked_us = self._host.now_us()
         return arrived, oldest_us
 
-    def _use(self, arrived: list[Arrival]) -> StepResult:
+    def _use(self, arrived: list[Arrival]) -> tuple[StepResult, list[Heard]]:
         self._datagrams += len(arrived)
         if self._record is not None:
             for link, data, host_us, _ in arrived:
@@ -344,22 +348,18 @@ class Daemon:
             self._t_us = t_us if self._t_us is None else max(self._t_us, t_us)
         result = self._pipeline.feed(batch)
         self._publisher.note(result)
-        for heard in received.heard:
-            self._outbox.put(self._component.hear(heard, self._looked_us))
-        return result
+        return result, received.heard
 
     def _silent(self, now_us: int) -> bool:
         return self._heard_us is None or now_us - self._heard_us > self._silent_us
 
-    def _send_due(self) -> bool:
-        """Send what is due; say whether the publisher had anything beside a heartbeat."""
+    def _publish(self) -> bool:
+        """Send what the publisher has due; say whether there was anything beside a heartbeat."""
+        if self._component.address is None:
+            return False
         now_us = self._host.now_us()
-        self._outbox.put(self._component.due(now_us))
-        address = self._reception.own = self._component.address
-        published: list[Message] = []
-        if address is not None:
-            published = self._publisher.due(now_us, self._t_us, self._silent(now_us))
-            self._outbox.put(published)
+        published = self._publisher.due(now_us, self._t_us, self._silent(now_us))
+        self._outbox.put(published)
         self._flush(now_us)
         names = {message.name for message in published}
         if "HEARTBEAT" in names:
@@ -367,6 +367,15 @@ class Daemon:
                 self._beat_gap_us = max(self._beat_gap_us, now_us - self._beat_us)
             self._beat_us = now_us
         return not names <= {"HEARTBEAT"}
+
+    def _serve(self, heard: list[Heard]) -> None:
+        """Have the component hear what concerns it; send its answers and what it has due."""
+        now_us = self._host.now_us()
+        for message in heard:
+            self._outbox.put(self._component.hear(message, now_us))
+        self._outbox.put(self._component.due(now_us))
+        self._reception.own = self._component.address
+        self._flush(now_us)
 
     def _flush(self, now_us: int) -> None:
         frames = self._outbox.flush()
