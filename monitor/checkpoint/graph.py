@@ -7,8 +7,8 @@ again afterwards.
 
 **Why no pickle.** A pickle is a program: it calls what it names, and an unpickler that admits a
 list of names still calls those with whatever arguments the file has. Here a file can only name a
-class from a table that the running program made (:func:`classes_of` of a freshly built pipeline,
-and a few beside it); it is made without calling its constructor, gets attributes and nothing else,
+class from a table that the running program made (:func:`classes_of` of a freshly built pipeline);
+it is made without calling its constructor, gets attributes and nothing else,
 and :func:`fit` then holds it against the freshly built one: compiled code does not check its
 bounds, so each array that it works on must be of the type and shape that it expects.
 
@@ -18,6 +18,7 @@ clock) a class names in ``fleeting``: it is not written, and taken from the fres
 
 from __future__ import annotations
 
+import sys
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
@@ -111,7 +112,11 @@ def rebuild(flat: Flat, classes: Mapping[str, type]) -> Any:
 
 
 def classes_of(*values: object) -> dict[str, type]:
-    """Our classes of everything that these objects hold, and the classes among them, by name."""
+    """Classes that these objects can come to hold, by name.
+
+    Those of everything that they hold now, the classes among them, and the classes that stand in
+    the modules of either: an object makes others of what its module has.
+    """
     found: dict[str, type] = {}
     seen: dict[int, object] = {}
     waiting = list(values)
@@ -125,6 +130,9 @@ def classes_of(*values: object) -> dict[str, type]:
             found[_name(cls)] = cls
         if not isinstance(value, type):
             waiting += (part for _, part in _parts(value))
+    for module in {sys.modules[cls.__module__] for cls in found.values()}:
+        beside = [cls for cls in vars(module).values() if isinstance(cls, type) and _ours(cls)]
+        found |= {_name(cls): cls for cls in beside}
     return found
 
 

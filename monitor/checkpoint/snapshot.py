@@ -25,13 +25,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from links.clock import BACK_US, VehicleClock
 from links.mavlink.options import DecoderMemory, Vehicle
-from links.vocabulary import Kind, Reason, State
+from links.vocabulary import State
 from monitor.checkpoint import file, graph
 from monitor.checkpoint.file import Unusable
 from monitor.checkpoint.identity import Moment, age_s, code_digest, reading, shaping
 from monitor.settings import Settings
-from monitor.streams import Stream
-from monitor.verdict import Verdict
 
 if TYPE_CHECKING:
     from links.mavlink import Decoder
@@ -40,8 +38,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Resumable", "Snapshot", "load", "take"]
 
-_ALSO = (DecoderMemory, Vehicle, Verdict, Stream, State, Reason, Kind)
-"""Classes that a running monitor holds and a freshly built one may not."""
+_ALSO = (DecoderMemory, Vehicle)
+"""Classes that a running monitor holds and a freshly built one does not know of."""
 
 
 _OTHER_CODE = "another version made it"

@@ -1,9 +1,11 @@
 """Objects to data and back: shared ones stay shared, and nothing else than data comes out."""
 
 import json
+import sys
 from collections import Counter, deque
 from dataclasses import dataclass
 from itertools import pairwise
+from types import ModuleType
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -39,6 +41,7 @@ class Whole:
 
 for _cls in (Bank, Part, Whole):
     _cls.__module__ = "monitor.made_up"
+    sys.modules.setdefault("monitor.made_up", ModuleType("monitor.made_up"))
 
 CLASSES = classes_of(
     Whole(), Part(Bank(np.zeros(1), np.zeros(1))), Verdict, State, Kind, StreamSettings
