@@ -130,7 +130,7 @@ class UdpListener(_Udp):
             return out
         receive, peers = self._socket.recvfrom, self._peers
         protect = len(peers) > 0
-        arrived_us = now_us()
+        arrived_us, size = now_us(), 0
         for _ in range(limit):
             try:
                 data, peer = receive(MAX_DATAGRAM)
@@ -149,9 +149,12 @@ class UdpListener(_Udp):
                 if not self._strangers.lets(peer, arrived_us):
                     self.counters.refused += 1
                     continue
-            arrived_us = now_us()
-            self._received(data, arrived_us)
+            size += len(data)
             out.append(Taken(data, arrived_us, peer))
+        if out:
+            self.counters.received += len(out)
+            self.counters.received_bytes += size
+            self.heard_us = arrived_us
         return out
 
     def accepted(self, peer: Hashable, now_us: int) -> None:
