@@ -13,6 +13,7 @@ import pytest
 
 from monitor.service import Event, EventLog, LogError, open_event_log
 from monitor.service.events import WAITING_MAX
+from tests.conftest import ROOT
 
 
 def written(path):
@@ -164,6 +165,14 @@ def test_a_log_that_cannot_be_is_refused_in_a_sentence(tmp_path):
         open_event_log(str(tmp_path))
     with pytest.raises(LogError, match="no journal"):
         open_event_log("journal", journal=str(tmp_path / "none"))
+
+
+def test_every_event_is_documented():
+    text = (ROOT / "docs" / "service.md").read_text(encoding="utf-8")
+    table = text.partition("| event | when |")[2].partition("\n\n")[0]
+    first = [row.split("|")[1] for row in table.splitlines()[2:]]
+    named = {name for cell in first for name in re.findall(r"`(\w+)`", cell)}
+    assert named == set(Event)
 
 
 def test_without_a_log_nothing_is_done():
