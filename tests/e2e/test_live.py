@@ -126,7 +126,8 @@ def test_the_recording_is_what_was_sent_and_what_was_said(flight_log, live):
     (recording,) = folder.glob("*.tlog")
     assert frames(recording) == frames(flight_log)
     ours = frames(recording, OURS)
-    before = set(listener.raw) - set(ours)
+    said = {content(frame) for frame in ours}
+    before = [frame for frame in listener.raw if content(frame) not in said]
     assert {message_id(frame) for frame in before} == {HEARTBEAT}  # before the vehicle was heard
     assert len(ours) > len(before)
     assert from_log(recording) == from_log(flight_log)
@@ -147,6 +148,11 @@ def test_the_recording_tells_live_beside_replay(live):
         assert 0.0 <= line["delay_s"] <= 10.0  # at ten times real time: half a second a mask
         assert line["said"].startswith(f"{fault['sensor']} FAULTY")
         assert (line["live_cleared_s"] is None) == (fault["cleared_s"] is None)
+
+
+def content(frame):
+    """What of a frame is the same on every link: frames are numbered for each link."""
+    return frame[5 : 10 + frame[1]]
 
 
 def message_id(frame):

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import urllib.request
+from contextlib import suppress
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
@@ -184,7 +185,8 @@ def test_a_web_process_that_stands_still_costs_the_verdicts_nothing(flight_log):
         try:
             live.fly(flight_log)
         finally:
-            os.kill(web, signal.SIGCONT)
+            with suppress(ProcessLookupError):  # it stood for so long that it was started again
+                os.kill(web, signal.SIGCONT)
         until(live.well)
         assert daemon.stop() == 0, daemon.notes
     expected = [(v.t_us, v.sensor, str(v.state)) for v in analyze_log(flight_log, load()).verdicts]

@@ -11,7 +11,7 @@ from monitor.verdict import StepResult
 from monitor.web.address import VARIABLE, listen
 from monitor.web.feed import WebFeed
 from monitor.web.pipe import BEGIN, BODY_MAX, FRAME, SETUP, Incoming, Outgoing
-from monitor.web.process import FIRST_WAIT_US, LASTING_US, LONGEST_WAIT_US, WebProcess
+from monitor.web.process import FIRST_WAIT_US, HUNG_US, LASTING_US, LONGEST_WAIT_US, WebProcess
 
 S = 1_000_000
 
@@ -177,6 +177,29 @@ def test_one_that_keeps_ending_is_told_once_and_tried_ever_less_often():
         assert said == ["the live page's process ended with status 3; it is started again"]
         ended(web, now_us + LASTING_US + 1)  # it had lived long: its end is news again
         assert len(said) == 2
+    finally:
+        web.close()
+
+
+def test_one_that_hangs_is_ended_and_started_again():
+    said = []
+    web = process("import time; time.sleep(600)", said)
+    now_us = FIRST_WAIT_US
+    try:
+        assert web.ready(now_us)
+        first = web.pid
+        while web.ready(now_us):  # until the pipe is full
+            web.send(FRAME, bytes(1 << 16))
+        now_us += HUNG_US
+        assert not web.ready(now_us)
+        assert web.pid == first  # slow is not hung
+        now_us += 1
+        web.ready(now_us)
+        ended(web, now_us)
+        assert said == ["the live page's process ended by signal 9; it is started again"]
+        assert web.ready(now_us + LONGEST_WAIT_US)
+        assert web.pid != first
+        assert web.fresh
     finally:
         web.close()
 
