@@ -62,7 +62,10 @@ _REASONS: Final[dict[str, Remedy]] = {
     Reason.AIRFRAME_MISFIT: Remedy(
         "The aircraft does not fly as the configured coefficients say.", _LEARN_AIRFRAME
     ),
-    Reason.MUTED: Remedy("An operator muted it.", "Clear it when it is mended."),
+    Reason.MUTED: Remedy(
+        "An operator muted it.",
+        "When it is mended, unmute it: [mute] of the configuration, parameters MUTE_*.",
+    ),
     State.STALE: Remedy(
         "Its data stopped.", "Look for the cause in wiring, driver, logging rates or radio link."
     ),
