@@ -99,7 +99,7 @@ def run(
             raise Refused(str(error)) from None
         stack.callback(notifier.close)
         stack.callback(events.close)
-        tell = Telling(events, settings.log.to)
+        tell = Telling(events, settings.log)
         # Before the rest, so that what arrives while we get ready waits in the links' buffers.
         links = open_links(settings, stack)
         page = _page(settings, links, stack)

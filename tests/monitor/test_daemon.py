@@ -16,6 +16,7 @@ from monitor.latency import LatencyMeter
 from monitor.outbox import Outbox
 from monitor.publish import Message, Publisher
 from monitor.security import Gate
+from monitor.settings import Settings
 from monitor.settings.links import LinkSettings
 from monitor.settings.publish import PublishSettings
 from monitor.verdict import StepResult, Verdict
@@ -325,6 +326,20 @@ def test_links_are_tended_in_every_turn_also_without_traffic():
     turns = len(spin(daemon, host, 5.0))
     assert len(hub.tended_us) == turns
     assert max(np.diff(hub.tended_us)) <= IDLE_S * S
+
+
+def test_new_times_are_taken_in_flight_and_other_keys_of_the_links_wait():
+    daemon, host, _, decoder = build(steady(8.0, 200))
+    spin(daemon, host, 2.0)
+    links = LinkSettings(coalesce_ms=50.0, silent_after_s=0.5, component_id=7)
+    retuned = daemon.retune(Settings(links=links))
+    assert set(retuned.taken) == {"links.coalesce_ms", "links.silent_after_s"}
+    assert retuned.waiting == ("links.component_id",)
+    feeds = len(decoder.feeds)
+    spin(daemon, host, 4.0)
+    assert len(decoder.feeds) - feeds == pytest.approx(80, abs=4)
+    spin(daemon, host, 3.0)
+    assert daemon.status().silent
 
 
 def test_the_longest_gap_between_heartbeats_is_kept():

@@ -232,7 +232,7 @@ def assemble(
     parts = Parts(hub, gate, decoder, pipeline, publisher, component, outbox)
     host = Host()
     daemon = Daemon(parts, here, recorder, host)
-    tuning.add(daemon.retune)
+    tuning.add(daemon.retune, tell.retune)
     checkpoints = Checkpointer(
         None if links.from_file else state_folder(),
         settings,

@@ -7,7 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 from monitor.commands.common import note
+from monitor.retune import Retuned, blend
 from monitor.service import Event, EventLog
+from monitor.settings import Settings
+from monitor.settings.log import LogSettings
 
 __all__ = ["Telling"]
 
@@ -22,16 +25,26 @@ class Telling:
     ----------
     log
         The log for programs.
-    to
-        Where it goes, as the settings say it.
+    settings
+        Where it goes, and from what level on.
     say
         Says a sentence to people.
     """
 
-    def __init__(self, log: EventLog, to: str = "", say: Callable[[str], None] = note) -> None:
+    def __init__(
+        self, log: EventLog, settings: LogSettings, say: Callable[[str], None] = note
+    ) -> None:
         self.log = log
+        self._settings = settings
         self._say = say
+        to = settings.to
         self._aloud = to != "-" and not (to == "journal" and not sys.stderr.isatty())
+
+    def retune(self, settings: Settings) -> Retuned:
+        """Take another level; another place waits for a restart."""
+        self._settings, retuned = blend(self._settings, settings.log, {"to"})
+        self.log.level = self._settings.level
+        return retuned.under("log")
 
     def __call__(
         self,

@@ -9,6 +9,8 @@ from links.vocabulary import Rejection, State
 from monitor.commands.live.telling import Telling
 from monitor.commands.live.witness import REFUSED_US, REPEAT_US, Witness, health
 from monitor.service import Event
+from monitor.settings import Settings
+from monitor.settings.log import LogSettings
 from monitor.verdict import StepResult, Verdict
 
 S = 1_000_000
@@ -64,7 +66,7 @@ class World:
             daemon=SimpleNamespace(status=lambda recent: SimpleNamespace(silent=False)),
         )
         self.log, self.said, self.notifier = FakeLog(), [], FakeNotifier()
-        telling = Telling(self.log, "file", self.said.append)
+        telling = Telling(self.log, LogSettings(to="file"), self.said.append)
         self.witness = Witness(self.running, telling, self.notifier, lambda: self.us)
 
     def take_news(self):
@@ -182,6 +184,15 @@ def test_where_the_log_is_on_standard_error_nothing_is_said_twice(capsys):
     log = FakeLog()
     said = []
     for to in ("-", "journal", "file", ""):
-        Telling(log, to, said.append)(Event.NOTE, to)
+        Telling(log, LogSettings(to=to), said.append)(Event.NOTE, to)
     assert said == ["mavsentry: file", "mavsentry: "]
     assert len(log.entries) == 4
+
+
+def test_another_level_is_taken_and_another_place_waits():
+    log = FakeLog()
+    telling = Telling(log, LogSettings(to="here"))
+    retuned = telling.retune(Settings(log=LogSettings(to="there", level="debug")))
+    assert retuned.taken == ("log.level",)
+    assert retuned.waiting == ("log.to",)
+    assert log.level == "debug"
