@@ -107,6 +107,7 @@ def _flown(network: Network, daemon: DaemonProcess) -> None:
     while not network.said and time.monotonic() < end_s:  # an autopilot on the bench
         network.send(Encoder(1, 1).encode("HEARTBEAT", **beat))
         network.rest(0.5)
+    assert network.said, f"the daemon is not ready after {READY_S} s: {daemon.notes}"
     network.fly(flight, 20.0)
     network.fast = dict(network.pilot.intervals_us)
     network.send(other.encode("HEARTBEAT", **beat))
