@@ -101,6 +101,8 @@ class SerialEndpoint(Link):
 
     def send(self, data: bytes) -> None:
         if self._port is None:
+            self.tend(now_us())  # who only sends may not think of it
+        if self._port is None:
             self.counters.dropped += 1
             return
         self._queue.add(data)

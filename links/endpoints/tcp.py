@@ -121,6 +121,8 @@ class TcpClient(Link):
 
     def send(self, data: bytes) -> None:
         if self._stream is None:
+            self.tend(now_us())  # who only sends may not think of it
+        if self._stream is None:
             self.counters.dropped += 1
             return
         self._stream.queue.add(data)

@@ -245,6 +245,8 @@ class UdpSpeaker(_Udp):
 
     def send(self, data: bytes) -> None:
         if self._socket is None:
+            self.tend(now_us())  # who only sends may not think of it
+        if self._socket is None:
             self.counters.dropped += 1
             return
         try:

@@ -201,6 +201,16 @@ def test_tcp_waits_longer_after_each_failure_and_not_in_step(ground):
     assert len(firsts) > 4
 
 
+def test_who_only_sends_is_connected_too(ground):
+    with open_endpoint(f"tcp:127.0.0.1:{ground.port}", options=QUICK) as link:
+        got = []
+        deadline_s = time.monotonic() + WAIT_S
+        while not got and time.monotonic() < deadline_s:
+            link.send(b"fed")
+            got = ground.recv(0.01)
+        assert got[0][0].startswith(b"fed")
+
+
 def test_a_silent_tcp_server_is_connected_to_anew(ground):
     with open_endpoint(f"tcp:127.0.0.1:{ground.port}", options=QUICK) as link:
         until(lambda: link.is_open, link)
