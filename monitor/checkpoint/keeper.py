@@ -16,7 +16,7 @@ from monitor.checkpoint import file
 from monitor.checkpoint.file import Unusable
 from monitor.checkpoint.graph import Unstorable
 from monitor.checkpoint.identity import code_digest
-from monitor.checkpoint.snapshot import Resumable, Snapshot, load, take
+from monitor.checkpoint.snapshot import OTHER_VEHICLE, Resumable, Snapshot, load, take
 from monitor.settings import Settings
 
 if TYPE_CHECKING:
@@ -141,9 +141,9 @@ class Checkpointer:
         """The vehicle is known and nothing was decoded yet."""
         found = self._found.pop(self._path(), None)
         self._found.clear()
-        if found is None:
-            return
         try:
+            if found is None:
+                raise Unusable(OTHER_VEHICLE)
             age_s = found.take_up(*self._stages, self._max_age_s)
         except Unusable as error:
             self._say(f"checkpoint not used: {error}")

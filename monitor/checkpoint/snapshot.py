@@ -36,12 +36,13 @@ if TYPE_CHECKING:
     from monitor.pipeline import Pipeline
     from monitor.publish import Publisher
 
-__all__ = ["Resumable", "Snapshot", "load", "take"]
+__all__ = ["OTHER_VEHICLE", "Resumable", "Snapshot", "load", "take"]
 
 _ALSO = (DecoderMemory, Vehicle)
 """Classes that a running monitor holds and a freshly built one does not know of."""
 
 
+OTHER_VEHICLE = "it is of another vehicle"
 _OTHER_CODE = "another version made it"
 _NAMED = 3
 """Keys that are named where settings differ; the others are counted."""
@@ -133,7 +134,7 @@ class Resumable:
         """
         memory: DecoderMemory = self.state.decoder
         if decoder.vehicle != memory.vehicle:
-            raise Unusable("it is of another vehicle")
+            raise Unusable(OTHER_VEHICLE)
         clock = VehicleClock()
         clock.state = memory.clock
         first_us = decoder.first_t_us
@@ -207,4 +208,7 @@ def _other_settings(keys: Sequence[str]) -> str:
 
 
 def _too_old(age_s: float, max_age_s: float) -> str:
-    return f"it is {age_s:.0f} s old, {max_age_s:.0f} s are allowed"
+    shown = f"{age_s:.0f} s" if age_s < 600.0 else f"{age_s / 60.0:.0f} min"
+    if age_s >= 7200.0:
+        shown = f"{age_s / 3600.0:.0f} h"
+    return f"it is {shown} old, {max_age_s:.0f} s are allowed"
