@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 BROWSER_STAMP := $(VENV)/.browser-installed
+PEERS_STAMP := $(VENV)/.peers-installed
 PARALLEL := -n logical --maxprocesses 8 --dist worksteal
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
@@ -27,6 +28,11 @@ $(BROWSER_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[browser]'
 	touch $@
 
+# MAVProxy, MAVSDK and node-mavlink, apart from what the daemon uses.
+$(PEERS_STAMP): tests/peers/install $(STAMP)
+	tests/peers/install $(PYTHON) $(VENV)/peers
+	touch $@
+
 demo: $(STAMP)
 	$(BIN)/mavsentry demo --out demo-out
 
@@ -45,8 +51,9 @@ test: $(STAMP)
 	$(MAKE) --no-print-directory -j2 lint kernels
 	$(BIN)/pytest $(PARALLEL)
 
-# Tests that need a browser; SCREENS=DIR keeps pictures of the pages.
-test-external: $(BROWSER_STAMP)
+# Tests that need a browser or programs of others; SCREENS=DIR keeps pictures of the pages. Where
+# `make test` went before, the kernels are there.
+test-external: $(BROWSER_STAMP) $(PEERS_STAMP) kernels
 	tests/browser/install-chromium
 	$(BIN)/pytest -m external $(if $(SCREENS),--screens $(SCREENS))
 
