@@ -57,12 +57,15 @@ class MavProxy:
         for line in self._process.stdout:
             self._lines.put(line)
 
+    def type(self, command: str) -> None:
+        self._process.stdin.write(command + "\n")
+        self._process.stdin.flush()
+
     def ask(self, command: str, pattern: str, timeout_s: float = 40.0) -> re.Match[str]:
         """Type a command, again every few seconds, until what it says has this in it."""
         end_s, heard = time.monotonic() + timeout_s, ""
         while time.monotonic() < end_s:
-            self._process.stdin.write(command + "\n")
-            self._process.stdin.flush()
+            self.type(command)
             again_s = time.monotonic() + 4.0
             while time.monotonic() < again_s:
                 try:
@@ -85,17 +88,18 @@ class MavProxy:
 def test_mavproxy_sees_us_reads_our_parameters_and_sets_one(flown, peers_python, tmp_path):
     with MavProxy(peers_python, flown.proxy_port, tmp_path) as proxy:
         named = proxy.ask("status NAMED_VALUE_FLOAT", r"name : (\w+), value : ([-\d.]+)")
-        assert named[1] in NAMED
-        proxy.ask(f"set target_component {OURS}", "")
+        assert named[1]
+        proxy.type(f"set target_component {OURS}")
         fetched = proxy.ask("param fetch", r"Received (\d+) parameters")
         assert int(fetched[1]) > 20
         before = proxy.ask("param show IMU_LONE_SIG", r"IMU_LONE_SIG\s+([\d.]+)")
         assert float(before[1]) == 6.0
-        proxy.ask("param set IMU_LONE_SIG 7.25", "")
+        proxy.type("param set IMU_LONE_SIG 7.25")
         proxy.ask("param fetch IMU_LONE_SIG", r"IMU_LONE_SIG\s+=? ?7\.25")
         proxy.ask("param show MUTE_IMU0", r"MUTE_IMU0\s+0")
     heard = sent_by(OURS, tmp_path / "mav.tlog")
     assert Counter(m.get_type() for m in heard)["HEARTBEAT"] > 3
+    assert "FLT_IMU0" in {m.name for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert not [m for m in heard if m.get_type() == "BAD_DATA"]
 
 
@@ -115,9 +119,6 @@ def test_mavsdk_sees_the_vehicle_undisturbed_and_sets_a_parameter_of_ours(flown,
     assert seen["rolls"] > 3, "telemetry of the vehicle comes on"
     assert all(abs(angle) > 0.1 for angle in seen["position"])
     assert seen["parameter"][0] != seen["parameter"][1] == 4.25
-
-
-NAMED = {"FLT_IMU0", "MON_IMU0", "FLT_AIR", "MON_AIR", "FLT_NAV", "MON_NAV", "R_CAS"}
 
 
 @pytest.fixture(scope="module")
