@@ -3,9 +3,10 @@
 import json
 import sys
 import time
+from contextlib import suppress
 
 from mavsdk import ComponentType, Configuration, Mavsdk
-from mavsdk.plugins.param import Param, ProtocolVersion
+from mavsdk.plugins.param import Param, ParamError, ProtocolVersion
 from mavsdk.plugins.telemetry import Telemetry
 
 NAME, VALUE = "AIR_CONFIRM", 4.25
@@ -34,7 +35,8 @@ def main(port):
     seen["rolls"] = len(set(rolls))
     seen["position"] = [telemetry.position().latitude_deg, telemetry.position().longitude_deg]
     parameters = Param(system)
-    parameters.select_component(191, ProtocolVersion.V1)
+    with suppress(ParamError):  # it answers "unknown" whatever it did
+        parameters.select_component(191, ProtocolVersion.V1)
     before = parameters.get_param_float(NAME)
     parameters.set_param_float(NAME, VALUE)
     seen["parameter"] = [before, parameters.get_param_float(NAME)]
