@@ -149,9 +149,11 @@ def test_node_mavlink_reads_all_that_we_sent(recorded, node_modules, tmp_path, k
     messages = parsed(frames)
     assert len(frames) > 5 * FLOWN_S
     assert read["packets"] == len(frames)
-    assert (read["bad"], read["unknown"], read["forged"]) == (0, 0, 0)
+    assert (read["bad"], read["forged"]) == (0, 0)
     assert read["signed"] == (len(frames) if kind == "signed" else 0)
-    assert read["names"] == Counter(m.get_type() for m in messages)
+    names = Counter(m.get_type() for m in messages)
+    assert read["unknown"] == names.pop("AIRSPEED")  # its tables are older than that message
+    assert read["names"] == names
     named = [m for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"]
     assert {name.rstrip("\0") for name, _ in read["values"]} >= {"FLT_IMU0", "MON_IMU0"}
     for (name, value), message in zip(read["values"], named, strict=True):
