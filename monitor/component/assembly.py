@@ -20,11 +20,17 @@ from monitor.settings import Settings
 __all__ = ["assemble", "identify"]
 
 
-def identify(settings: Settings, decoder: Decoder) -> Identity:
-    """Who we are on the network of the decoder's vehicle."""
-    here = settings.links
+def identify(settings: Settings, decoder: Decoder, *, listens: bool = True) -> Identity:
+    """Who we are on the network of the decoder's vehicle.
+
+    Parameters
+    ----------
+    listens
+        Hear who is there before anything is sent; not when the input is a file.
+    """
+    here, own = settings.links, settings.component
     return Identity(
-        settings.component,
+        own if listens else own.model_copy(update={"listen_s": 0.0}),
         here.component_id,
         lambda: decoder.vehicle,
         here.system_id or 1,

@@ -211,7 +211,7 @@ def assemble(
     warm_up(settings, preparing)
     pipeline = Pipeline(settings, taps=page.taps if page else ())
     tuning.add(pipeline.retune, publisher.retune)
-    identity = identify(settings, decoder)
+    identity = identify(settings, decoder, listens=not links.from_file)
     keeping = ParameterFile(kept)
     stack.callback(keeping.close)
     parameters = Parameters(settings.component, identity, tuning, lambda: pipeline.flying, keeping)
