@@ -55,7 +55,7 @@ test: $(STAMP)
 # `make test` went before, the kernels are there.
 test-external: $(BROWSER_STAMP) $(PEERS_STAMP) kernels
 	tests/browser/install-chromium
-	$(BIN)/pytest -m external $(if $(SCREENS),--screens $(SCREENS))
+	$(BIN)/pytest $(PARALLEL) --dist loadfile -m external $(if $(SCREENS),--screens $(SCREENS))
 
 bench: $(BENCH_STAMP)
 	$(BIN)/mavsentry bench --json bench.json

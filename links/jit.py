@@ -6,7 +6,9 @@ is split). Numba's own cache looks at the file of the kernel alone and would go 
 code compiled against a callee that has changed since; the cache folder is therefore named after a
 digest of the module *and* of every module of ``links`` and ``estimators`` it imports.
 
-``MAVSENTRY_CACHE_DIR`` moves the cache; its default is the user's cache folder.
+``MAVSENTRY_CACHE_DIR`` moves the cache; its default is the user's cache folder. Several processes
+may compile at once: each saves under a lock, or two signatures of one kernel could end up with one
+name for two pieces of machine code.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -23,6 +26,7 @@ from typing import Any, TypeVar, cast
 import numba
 import platformdirs
 from numba.core import types
+from numba.core.caching import FunctionCache
 from numba.core.types.common import Buffer
 from numba.extending import intrinsic
 from numba.np import arrayobj
@@ -81,7 +85,32 @@ def _compiled(function: F, **options: Any) -> F:
     _folders.add(folder)
     config: Any = numba.config
     config.CACHE_DIR = str(folder)
-    return cast(F, numba.njit(cache=True, error_model="numpy", fastmath=False, **options)(function))
+    compiled: Any = numba.njit(error_model="numpy", fastmath=False, **options)(function)
+    if hasattr(compiled, "py_func"):  # not where NUMBA_DISABLE_JIT leaves functions as they are
+        compiled._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    return cast(F, compiled)
+
+
+class _Cache(FunctionCache):
+    """Numba's cache of a kernel, of which one process at a time changes the files."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the machine code of a signature."""
+        with _locked(Path(self.cache_path)):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold a folder against other processes, where the system has such locks."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    with open(folder / ".lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def borrowed(state: State) -> State:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
@@ -20,9 +21,10 @@ from monitor.baselines import BaselineTap
 from monitor.pipeline import Pipeline
 from monitor.settings import Settings
 from monitor.verdict import PHASE_ROW
+from monitor.watch import build_watches
 from monitor.watch.air_bank import AirBankWatch
 
-__all__ = ["COMPILING", "made_up_flight", "numbered", "warm_up"]
+__all__ = ["COMPILING", "PARTS", "compile_part", "made_up_flight", "numbered", "warm_up"]
 
 DURATION_S = 90.0
 FAULTS_FROM_S = 60.0
@@ -30,6 +32,9 @@ COMPILING = (
     "mavsentry: compiling kernels, once on this machine, takes a minute or two; "
     "`mavsentry warmup` does it ahead"
 )
+
+PARTS: Final = ("air", "imu", "engine", "wing")
+"""Watches, whose kernels may be compiled beside each other; those that take longest first."""
 
 _RATES_HZ = {"imu": 25.0, "attitude": 10.0, "gps": 5.0, "nav": 5.0, "airspeed": 5.0, "baro": 5.0}
 _CRUISE_RPM = 5000.0
@@ -79,6 +84,19 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
     pipeline.finish()
     AirBankWatch(settings.air).step(circling(2.0 * settings.phase.flying_speed_m_s), 1 << 62)
     return time.monotonic() - began_s
+
+
+def compile_part(part: str, step: Callable[[], None]) -> None:
+    """Compile the kernels of one watch, of :data:`PARTS`; ``step`` is called when it is done."""
+    settings = Settings()
+    speed_m_s = 2.0 * settings.phase.flying_speed_m_s
+    watches = [watch for watch in build_watches(settings) if watch.name == part]
+    pipeline = Pipeline(settings, watches=watches)
+    pipeline.feed(made_up_flight(speed_m_s))
+    pipeline.finish()
+    if part == "air":
+        AirBankWatch(settings.air).step(circling(speed_m_s), 1 << 62)
+    step()
 
 
 def made_up_flight(speed_m_s: float) -> Batch:
