@@ -45,6 +45,9 @@ class Need:
         PX4's message where it is another one.
     fitted
         Every aircraft has this stream; of others only those that came at all are told missing.
+    others
+        Messages that carry the stream as well: the one that it comes from is the one to ask for,
+        but not PX4, whose message is chosen for a reason.
     """
 
     stream: str
@@ -55,18 +58,22 @@ class Need:
     group: int
     px4: str | None = None
     fitted: bool = True
+    others: tuple[str, ...] = ()
 
-    def carrier(self, autopilot: int) -> str:
-        """The message to ask this MAV_AUTOPILOT for."""
-        return self.px4 if self.px4 is not None and autopilot == AUTOPILOT_PX4 else self.message
+    def carrier(self, autopilot: int, used: str | None = None) -> str:
+        """The message to ask this MAV_AUTOPILOT for, where the stream comes from ``used`` now."""
+        if autopilot == AUTOPILOT_PX4:
+            return self.px4 or self.message
+        return used if used in self.others else self.message
 
 
 _IMU = "IMU faults are found later"
+_IMUS = ("HIGHRES_IMU", "RAW_IMU", "SCALED_IMU")
 _PITOT = "airspeed faults are found later"
 
 _ROWS = (
     # PX4 takes its filter's bias estimate out of HIGHRES_IMU, so a bias fades there.
-    Need("imu0", "RAW_IMU", 50, 8, _IMU, DataStream.RAW_SENSORS, px4="SCALED_IMU"),
+    Need("imu0", "RAW_IMU", 50, 8, _IMU, DataStream.RAW_SENSORS, px4="SCALED_IMU", others=_IMUS),
     Need("imu1", "SCALED_IMU2", 50, 8, _IMU, DataStream.RAW_SENSORS, fitted=False),
     Need("imu2", "SCALED_IMU3", 50, 8, _IMU, DataStream.RAW_SENSORS, fitted=False),
     Need(
@@ -77,6 +84,7 @@ _ROWS = (
         "air data and IMU are judged on a coarse attitude",
         DataStream.EXTRA1,
         px4="ATTITUDE_QUATERNION",
+        others=("ATTITUDE", "ATTITUDE_QUATERNION"),
     ),
     Need(
         "gps0", "GPS_RAW_INT", 5, 0.9, "wind and IMU are learnt slower", DataStream.EXTENDED_STATUS

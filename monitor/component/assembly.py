@@ -81,6 +81,7 @@ def assemble(
                 message_id,
                 lambda: pipeline.streams,
                 lambda: decoder.counters.reboots,
+                lambda: {s: n.most_common(1)[0][0] for s, n in decoder.sensors.used.items() if n},
             )
         ]
     clocks = TimeSync(own, identity, asks=asks)

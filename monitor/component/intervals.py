@@ -121,6 +121,8 @@ class Intervals:
         Stream -> its account, as the pipeline keeps it.
     boots
         Times that the vehicle's clock began anew.
+    sources
+        Stream -> message that it mostly comes from.
     """
 
     wants = frozenset({"COMMAND_ACK", "MESSAGE_INTERVAL", "RADIO_STATUS"})
@@ -132,12 +134,15 @@ class Intervals:
         message_id: Callable[[str], int | None],
         streams: Callable[[], Mapping[str, Counted]],
         boots: Callable[[], int] = lambda: 0,
+        sources: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         self._settings = settings
         self._identity = identity
         self._id = message_id
         self._rates = Rates(streams)
         self._boots = boots
+        self._sources = sources
+        self._used: Mapping[str, str] = {}
         self._booted = 0
         self._asking = Asking()
         self._current: str | None = None
@@ -179,7 +184,7 @@ class Intervals:
     def _note_slow(self, autopilot: Autopilot) -> None:
         """A window has ended: which streams come too slowly, with nothing more to be done."""
         for need in NEEDS.values():
-            stream, name = need.stream, need.carrier(autopilot.kind)
+            stream, name = need.stream, self._carrier(need, autopilot)
             request = self._requests.get(name)
             pending = request is None and self._id(name) is not None
             pending |= request is not None and not request.settled
@@ -190,13 +195,16 @@ class Intervals:
             if told_hz is None or abs(hz - told_hz) > 0.3 * told_hz:
                 self._slow[stream] = hz
 
+    def _carrier(self, need: Need, autopilot: Autopilot | None) -> str:
+        return need.carrier(autopilot.kind if autopilot else 0, self._used.get(need.stream))
+
     def _wanted_hz(self, need: Need) -> float:
         own = self._settings.stream_hz
         return own.get(need.stream, need.wanted_hz)
 
     def _sentence(self, need: Need) -> str:
         autopilot = self._identity.autopilot
-        name = need.carrier(autopilot.kind if autopilot else 0)
+        name = self._carrier(need, autopilot)
         hz = self._slow[need.stream]
         comes = f"{need.stream} comes at {hz:.1f} Hz" if hz else f"{need.stream} does not come"
         return f"{comes}, {self._wanted_hz(need):g} are wanted: {need.loss} ({self._why(name)})"
@@ -251,6 +259,7 @@ class Intervals:
         if autopilot is None or self._identity.address is None:
             return []
         if ended:
+            self._used = self._sources()
             self._judge()
         out = self._asking.due(now_us)
         answer = self._asking.take()
@@ -312,7 +321,7 @@ class Intervals:
         if not self._measured:
             return []
         for need in NEEDS.values():
-            name, hz = need.carrier(autopilot.kind), self._wanted_hz(need)
+            name, hz = self._carrier(need, autopilot), self._wanted_hz(need)
             if name in self._requests or self._id(name) is None or hz <= 0:
                 continue
             comes_hz = self._rates.hz.get(need.stream, 0.0)

@@ -19,7 +19,7 @@ from tests.monitor.component.autopilot import (
 )
 
 
-def asking(world: World) -> Intervals:
+def asking(world: World, **sources: str) -> Intervals:
     pilot = world.pilot
     return Intervals(
         world.settings,
@@ -27,6 +27,7 @@ def asking(world: World) -> Intervals:
         lambda name: number(name),
         pilot.streams,
         lambda: pilot.boots,
+        lambda: sources,
     )
 
 
@@ -55,6 +56,15 @@ def test_a_vehicle_that_lacks_nothing_is_asked_for_nothing(kind):
         "RAW_IMU", "SCALED_IMU", "ATTITUDE", "ATTITUDE_QUATERNION", "GPS_RAW_INT",
     }  # fmt: skip
     assert service.notes == ()
+
+
+def test_the_message_that_a_stream_comes_from_is_asked_for():
+    world = World(autopilot(ARDUPILOT, {"RAW_IMU": 4.0, "ATTITUDE": 3.0}))
+    used = {"imu0": "HIGHRES_IMU", "attitude": "ATTITUDE_QUATERNION", "gps0": "NO_SUCH"}
+    sent = said(world.run(asking(world, **used), 30))
+    asked = {name for word, name, *_ in sent if word == "set"}
+    assert asked >= {"HIGHRES_IMU", "ATTITUDE_QUATERNION"}
+    assert not asked & {"RAW_IMU", "ATTITUDE", "NO_SUCH"}
 
 
 @pytest.mark.parametrize(("kind", "message"), [(ARDUPILOT, "RAW_IMU"), (PX4, "SCALED_IMU")])
