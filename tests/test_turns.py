@@ -1,9 +1,11 @@
 """A test that must be alone is; the others share the machine."""
 
+import fcntl
+import os
 import threading
 import time
 
-from tests.turns import turn
+from tests.turns import locked, turn
 
 
 class Workers:
@@ -54,3 +56,13 @@ def test_who_is_alone_meets_nobody_and_is_not_passed_over(tmp_path):
     assert workers.order == ["first", "alone", "late"]
     assert frozenset({"alone"}) in workers.met
     assert not any("alone" in met and len(met) > 1 for met in workers.met)
+
+
+def test_a_copy_that_was_left_open_holds_nothing(tmp_path):
+    name = str(tmp_path / "x")
+    with locked(name) as descriptor:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        copy = os.dup(descriptor)  # as a process has that was forked here and lives on
+    with locked(name) as descriptor:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    os.close(copy)

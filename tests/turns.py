@@ -19,25 +19,27 @@ def turn(place: Path, *, alone: bool) -> Iterator[None]:
 
     A lock that many can share serves those who need not be alone. Who does waits for it in the
     ``door``, through which all must pass: else the others, of whom one always works, would never
-    let it in. A process that ends, however, gives back both.
+    let it in. A process that ends, however, gives back both; and what a test left running, with a
+    copy of its descriptors, holds neither.
 
     Parameters
     ----------
     place
         Beginning of the names of two files, which are made.
     """
-    with _locked(f"{place}.machine") as machine:
-        with _locked(f"{place}.door") as door:
+    with locked(f"{place}.machine") as machine:
+        with locked(f"{place}.door") as door:
             fcntl.flock(door, fcntl.LOCK_EX)
             fcntl.flock(machine, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         yield
 
 
 @contextmanager
-def _locked(name: str) -> Iterator[int]:
-    """A file to lock; closing it unlocks."""
+def locked(name: str) -> Iterator[int]:
+    """A file to lock, which is unlocked in the end."""
     descriptor = os.open(name, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         yield descriptor
     finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
         os.close(descriptor)

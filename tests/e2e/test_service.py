@@ -104,7 +104,7 @@ class Service:
         if self.process.poll() is None:
             self.process.kill()
         self.process.stderr.close()
-        self.process.wait()
+        self.process.wait(10.0)
         self._manager.close()
 
 

@@ -27,12 +27,14 @@ class Terminal:
     def __init__(self, *arguments, columns=80, lines=24, **environment):
         self._ours, theirs = pty.openpty()
         self.resize(columns, lines)
+        # Where these are set, they come before the terminal's own size.
+        inherited = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES")}
         self._process = subprocess.Popen(
             [*COMMAND, *map(str, arguments)],
             stdin=theirs,
             stdout=theirs,
             stderr=theirs,
-            env=os.environ | {"TERM": "xterm-256color"} | environment,
+            env=inherited | {"TERM": "xterm-256color"} | environment,
             start_new_session=True,
             preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
         )
@@ -65,7 +67,7 @@ class Terminal:
     def __exit__(self, *_):
         if self._process.poll() is None:
             self._process.kill()
-        self._process.wait()
+        self._process.wait(10.0)
         os.close(self._ours)
 
     def status(self):
@@ -76,8 +78,9 @@ def test_ctrl_c_ends_well_and_leaves_the_last_picture_on_a_clean_terminal():
     with Terminal("run", "--in", f"udpin:127.0.0.1:{free_port()}") as terminal:
         terminal.read_until("nothing heard of a vehicle yet")
         terminal.resize(50, 12)
-        drawn = [""]
+        drawn, end_s = [""], time.monotonic() + ENDS_S
         while {len(line) for line in drawn} != {50}:  # pages on their way had the old size
+            assert time.monotonic() < end_s, drawn
             page = terminal.read_until("(?s)vehicle yet.*\x1b\\[H").rpartition("\x1b[H")[0]
             page = page.rpartition("\x1b[H")[2]
             drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", page).split("\r\n")
