@@ -9,7 +9,7 @@ PEERS_STAMP := $(VENV)/.peers-installed
 PARALLEL := -n logical --maxprocesses 8 --dist worksteal
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
-.PHONY: install demo test test-external lint kernels bench audit clean
+.PHONY: install demo docs test test-external lint kernels bench audit clean
 
 install: $(STAMP)
 
@@ -42,13 +42,18 @@ lint: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The documentation as a site, from nothing: docs/_build/html/index.html; a warning fails it.
+docs: $(STAMP)
+	rm -rf docs/_build
+	$(BIN)/python -m sphinx -q -W --keep-going -j auto docs docs/_build/html
+
 # The machine code of the kernels; where it is made already, this takes seconds.
 kernels: $(STAMP)
 	$(BIN)/mavsentry warmup
 
-# The kernels are compiled once, beside the lint, before several processes would each do it.
+# The kernels are compiled once, beside lint and docs, before several processes would each do it.
 test: $(STAMP)
-	$(MAKE) --no-print-directory -j2 lint kernels
+	$(MAKE) --no-print-directory -j2 lint docs kernels
 	$(BIN)/pytest $(PARALLEL)
 
 # Tests that need a browser or programs of others; SCREENS=DIR keeps pictures of the pages. Where
@@ -66,4 +71,4 @@ audit: $(STAMP)
 	$(BIN)/python -m tests.audit
 
 clean:
-	rm -rf $(VENV) build dist demo-out bench.json
+	rm -rf $(VENV) build dist demo-out bench.json docs/_build

@@ -1,0 +1,56 @@
+"""Equations of the site as MathML, written when it is built.
+
+Browsers draw MathML themselves, so no page needs a script for it, and a reader's screen reader
+reads it. The font is STIX Two Math (SIL Open Font License) as the package ``ziamath`` brings it.
+"""
+
+from __future__ import annotations
+
+import html
+import shutil
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from latex2mathml.converter import convert
+from sphinx.util import logging
+
+FONT = "STIXTwoMath-Regular.ttf"
+log = logging.getLogger(__name__)
+
+
+def mathml(latex: str, display: str, at: nodes.Node) -> str:
+    """An equation; one that cannot be read is a warning, which ends a strict build."""
+    try:
+        return convert(latex, display=display)
+    except Exception as error:
+        log.warning("equation %r: %s %s", latex, type(error).__name__, error, location=at)
+        return f"<code>{html.escape(latex)}</code>"
+
+
+def visit_inline(writer: Any, node: nodes.math) -> None:
+    writer.body.append(mathml(node.astext(), "inline", node))
+    raise nodes.SkipNode
+
+
+def visit_block(writer: Any, node: nodes.math_block) -> None:
+    name = f' id="{node["ids"][0]}"' if node["ids"] else ""
+    writer.body.append(f'<div class="equation" role="group" tabindex="0"{name}>')
+    writer.body.append(mathml(node.astext().strip(), "block", node))
+    if node["number"]:
+        writer.body.append(f'<span class="number">({node["number"]})</span>')
+    writer.body.append("</div>\n")
+    raise nodes.SkipNode
+
+
+def bring_font(app: Any, error: Exception | None) -> None:
+    if error is None and app.builder.format == "html":
+        with as_file(files("ziamath") / "fonts" / FONT) as font:
+            shutil.copyfile(font, Path(app.outdir) / "_static" / FONT)
+
+
+def setup(app: Any) -> dict[str, bool]:
+    app.add_html_math_renderer("mathml", (visit_inline, None), (visit_block, None))
+    app.connect("build-finished", bring_font)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
