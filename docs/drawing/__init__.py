@@ -1,0 +1,1 @@
+"""What the pictures of the documentation share, and one module for each page that has some."""

@@ -1,0 +1,113 @@
+"""Pictures of ``estimators/air*.md``: what a turn teaches, and what bounds on the wind are for."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.patches import Ellipse
+
+from drawing.flights import judged
+from drawing.style import GREY, MEASURED, OTHER, RECONSTRUCTED, TRUE, canvas, save
+from estimators.air_data_3d import SCALE
+from monitor.commands.reproduce.study import Job
+from monitor.commands.reproduce.wan2018 import runaway
+from monitor.settings import load
+
+FLIGHT: Final = "small-uav-pitot-blockage"
+K0: Final = SCALE.start
+STRAIGHT_S: Final = 56.0
+"""Before the first turn of the flight, which begins a second later."""
+
+
+def turn(path: Path) -> None:
+    """A straight leaves wind and scale tied together, the first turn unties them."""
+    it = judged(FLIGHT)
+    t, x, P = it.bank["t_s"], it.bank["x"], it.bank["P"]
+    learnt_std = load("small-uav").air.learnt_scale_std
+    learnt_s = next(v.t_us for v in it.verdicts("airspeed0") if str(v.state) == "ok")
+    learnt_s = float(it.seconds(np.array(learnt_s)))
+    figure, (ridge, spread, bank) = canvas(8.0, 3, height_ratios=[3.4, 2.4, 1.2])
+
+    _, euler = it.truth("euler_rad")
+    t_true, wind = it.truth("wind_ned_m_s")
+    at = int(np.searchsorted(t_true, STRAIGHT_S))
+    nose = np.array([math.cos(euler[at, 2]), math.sin(euler[at, 2])])
+    for when, colour, name in (
+        (STRAIGHT_S, MEASURED, f"on the straight, {STRAIGHT_S:.0f} s"),
+        (learnt_s, OTHER, f"after the turn, {learnt_s:.0f} s"),
+    ):
+        i = int(np.searchsorted(t, when))
+        rows = np.zeros((2, x.shape[1]))
+        rows[0, :2], rows[1, K0] = nose, 100.0
+        centre, C = rows @ x[i], rows @ P[i] @ rows.T
+        lengths, axes = np.linalg.eigh(C)
+        for sigmas in (1.0, 2.0):
+            width, height = 2.0 * sigmas * np.sqrt(lengths)
+            ridge.add_patch(
+                Ellipse(
+                    tuple(centre), width, height,
+                    angle=math.degrees(math.atan2(axes[1, 0], axes[0, 0])),
+                    fc=colour, alpha=0.25, ec=colour, label=name if sigmas == 1.0 else None,
+                )
+            )  # fmt: skip
+    mean = wind[(t_true > STRAIGHT_S - 10) & (t_true < learnt_s)].mean(axis=0)
+    ridge.plot(mean[:2] @ nose, 0.0, "x", color=TRUE, ms=9, mew=2, label="truth")
+    ridge.set(xlabel="wind along the nose of the straight [m/s]", ylabel="pitot reads low by [%]")
+    ridge.legend(loc="best")
+    ridge.autoscale_view()
+    ridge.margins(0.08)
+    ridge.set_title("what is known of wind and scale together, 1 and 2 sigma")
+
+    inside = (t > 32.0) & (t < 100.0)
+    spread.plot(t[inside], 100.0 * np.sqrt(P[inside, K0, K0]), color=RECONSTRUCTED)
+    spread.axhline(100.0 * learnt_std, color=TRUE, lw=0.8)
+    spread.annotate(
+        f"learnt_scale_std = {learnt_std:g}", (100.0, 100.0 * learnt_std), xytext=(0, 4),
+        ha="right", textcoords="offset points",
+    )  # fmt: skip
+    spread.axvline(learnt_s, color=OTHER, ls=":")
+    spread.set(ylabel="deviation of\nthe scale [%]", ylim=(0, None), xlim=(32, 100))
+    spread.annotate("learning", (learnt_s, 1.0), xytext=(-6, 0), ha="right",
+                    textcoords="offset points", color=GREY)  # fmt: skip
+    spread.annotate("ok", (learnt_s, 1.0), xytext=(6, 0), textcoords="offset points", color=OTHER)
+    inside = (t_true > 32.0) & (t_true < 100.0)
+    bank.plot(t_true[inside], np.degrees(euler[inside, 0]), color=GREY)
+    bank.axvline(learnt_s, color=OTHER, ls=":")
+    bank.set(xlabel="seconds from the log's first record", ylabel="bank [°]", xlim=(32, 100))
+    save(figure, path)
+
+
+def bounds(path: Path) -> None:
+    """Three airspeeds run away together: without bounds it is a wind, with them a fault."""
+    course = runaway.work(Job("wan2018", "runaway/fig4", {"seeds": 1}, 0))["course"]
+    kt = 0.514444
+    figure, (readings, winds, residuals) = canvas(6.6, 3, sharex=True)
+    t = course["t_s"]
+    inside = (t > 16.0) & (t < 40.0)
+    readings.plot(t[inside], kt * course["cas_kt"][inside, 0], color=MEASURED, lw=1,
+                  label="each of the three reads")  # fmt: skip
+    readings.plot(t[inside], kt * course["cas_true_kt"][inside], color=TRUE, ls="--", label="true")
+    readings.set(ylabel="CAS [m/s]")
+    readings.legend(loc="lower left")
+    for method, colour, name in (
+        ("UMHE", GREY, "no bounds"),
+        ("CMHE", OTHER, "bounds, as printed"),
+        ("ours", RECONSTRUCTED, "bounds, band, latch and memory"),
+    ):
+        winds.plot(t[inside], kt * course[method]["wind_kt"][inside], color=colour, label=name)
+        J = kt * course[method]["J_kt"].max(axis=1)
+        residuals.plot(t[inside], J[inside], color=colour)
+    winds.plot(t[inside], kt * course["wind_kt"][inside], color=TRUE, ls="--", label="true")
+    winds.axhline(kt * runaway.BOUND_KT, color=TRUE, lw=0.8)
+    winds.annotate("bound", (16.2, kt * runaway.BOUND_KT), xytext=(0, 3),
+                   textcoords="offset points")  # fmt: skip
+    winds.set(ylabel="wind $W_x$ [m/s]", ylim=(-5, 110))
+    winds.legend(loc="lower right", ncols=2)
+    residuals.axhline(kt * runaway.THRESHOLD_KT, color=TRUE, lw=0.8)
+    residuals.annotate("threshold", (16.2, kt * runaway.THRESHOLD_KT), xytext=(0, 3),
+                       textcoords="offset points")  # fmt: skip
+    residuals.set(ylabel="residual J [m/s]", ylim=(0, 30), xlabel="time [s]")
+    save(figure, path)
