@@ -8,7 +8,9 @@ digest of the module *and* of every module of ``links`` and ``estimators`` it im
 
 ``MAVSENTRY_CACHE_DIR`` moves the cache; its default is the user's cache folder. Several processes
 may compile at once: each saves under a lock, or two signatures of one kernel could end up with one
-name for two pieces of machine code.
+name for two pieces of machine code. What is there is used where nothing can be written, too: a
+cache that was made with the image of a read-only system. A cache that cannot be written or read
+costs the time to compile, never the program; :func:`unkept` says why.
 """
 
 from __future__ import annotations
@@ -18,26 +20,31 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 import platformdirs
-from numba.core import types
-from numba.core.caching import FunctionCache
+from numba.core import caching, types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.types.common import Buffer
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
-__all__ = ["borrowed", "cache_root", "inlined", "is_cold", "kernel"]
+__all__ = ["borrowed", "cache_root", "inlined", "is_cold", "kernel", "unkept"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 State = TypeVar("State")
 
 make_view: Any = arrayobj.make_array
 _folders: set[Path] = set()
+_unkept: list[str] = []
+_locators: Any = vars(caching)
+_OwnFolder: Any = (
+    _locators.get("UserProvidedCacheLocator") or _locators["_UserProvidedCacheLocator"]
+)
 _OURS = r"((?:estimators|links)(?:\.\w+)*)"
 _IMPORT = re.compile(rf"^from {_OURS} import (\([^)]*\)|.*)|^import {_OURS}", re.M)
 _THIS = {__name__, "estimators.jit"}
@@ -91,13 +98,57 @@ def _compiled(function: F, **options: Any) -> F:
     return cast(F, compiled)
 
 
+class _Place(_OwnFolder):  # type: ignore[misc]
+    """Our folder, also where it cannot be written: numba would take another one, or none at all."""
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> Any:
+        """The place of a kernel's machine code; nothing is made or tried out here."""
+        return cls(py_func, py_file)
+
+
+class _Impl(CompileResultCacheImpl):
+    """Numba's way to write machine code down, in our folder and nowhere else."""
+
+    _locator_classes = [_Place]  # noqa: RUF012
+
+
 class _Cache(FunctionCache):
     """Numba's cache of a kernel, of which one process at a time changes the files."""
 
+    _impl_class = _Impl
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The machine code of a signature; None, so that it is compiled, if it cannot be read."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            _tell(error)
+        except Exception:  # cut off by a power cut: what unpickling it raises may be anything
+            folder = Path(self.cache_path)
+            with suppress(OSError), _locked(folder):
+                self.flush()  # type: ignore[no-untyped-call]
+        return None
+
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the machine code of a signature."""
-        with _locked(Path(self.cache_path)):
-            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        """Keep the machine code of a signature, if that is possible."""
+        folder = Path(self.cache_path)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with _locked(folder):
+                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            _tell(error)
+
+
+def _tell(error: OSError) -> None:
+    if not _unkept:
+        _unkept.append(error.strerror or str(error))
+
+
+def unkept() -> str | None:
+    """Why machine code could not be kept or read in this process; None if it could."""
+    return _unkept[0] if _unkept else None
 
 
 @contextmanager
