@@ -26,6 +26,7 @@ from monitor.commands import (
     replay,
     run,
     selftest,
+    service,
     warmup,
 )
 from monitor.commands.common import Refused, note
@@ -61,6 +62,7 @@ app.add_typer(learn.app, name="learn")
 app.add_typer(bench.app, name="bench")
 app.add_typer(config.app, name="config")
 app.add_typer(key.app, name="key")
+app.add_typer(service.app, name="service")
 
 
 def _version(asked: bool) -> None:

@@ -5,14 +5,15 @@ import os
 import shutil
 import subprocess
 import sys
-import tomllib
+from pathlib import Path
 
 import pytest
 
 from monitor.security.key import CREDENTIAL
+from monitor.service.installation import unit_text
 from tests.conftest import ROOT
 
-UNIT = ROOT / "packaging" / "systemd" / "mavsentry.service"
+UNIT = ROOT / "monitor" / "service" / "mavsentry.service"
 
 EXPOSURE_MAX = 2.0
 """Of systemd's own scale, 0 to 10; up to 2 is "OK"."""
@@ -36,11 +37,11 @@ def keys():
 
 @pytest.fixture
 def unit(tmp_path):
-    """The unit with a program that is there."""
+    """The unit as it is installed, with a program that is there."""
     if shutil.which("systemd-analyze") is None:
         pytest.skip("systemd-analyze is not installed")
     file = tmp_path / "mavsentry.service"
-    file.write_text(UNIT.read_text().replace("/opt/mavsentry/bin/mavsentry", sys.executable))
+    file.write_text(unit_text(Path(sys.executable)))
     return file
 
 
@@ -94,12 +95,3 @@ def test_what_would_keep_it_from_working_is_left_open(keys):
     assert "ProcSubset" not in service  # LLVM reads the processor's name there on Arm
     assert "PrivateDevices" not in service  # serial ports
     assert {"AF_INET", "AF_INET6", "AF_UNIX"} <= set(service["RestrictAddressFamilies"].split())
-
-
-def test_the_wheel_and_the_source_distribution_carry_it():
-    with (ROOT / "pyproject.toml").open("rb") as file:
-        targets = tomllib.load(file)["tool"]["hatch"]["build"]["targets"]
-    shared = targets["wheel"]["shared-data"]
-    place = shared[str(UNIT.relative_to(ROOT))]
-    assert place == "lib/systemd/system/mavsentry.service"
-    assert "packaging" in targets["sdist"]["include"]
