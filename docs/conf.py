@@ -10,6 +10,9 @@ import sys
 import tomllib
 from pathlib import Path
 
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE / "_site"), str(HERE.parent)]
 
@@ -43,7 +46,9 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 
 copybutton_prompt_text = "$ "
-copybutton_exclude = ".linenos, .go"
+copybutton_line_continuation_character = "\\"
+# What is only shown has no button.
+copybutton_selector = "div.highlight:not(.highlight-text *):not(.highlight-graph *) > pre"
 
 math_numfig = False
 html_math_renderer = "mathml"
@@ -70,3 +75,8 @@ html_theme_options = {
 }
 pygments_style = "a11y-high-contrast-light"
 pygments_dark_style = "a11y-high-contrast-dark"
+
+
+def setup(app: Sphinx) -> None:
+    # MAVProxy's own, in docs/ground-stations.md.
+    app.add_lexer("graph", TextLexer)
