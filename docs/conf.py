@@ -54,6 +54,7 @@ math_numfig = False
 html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"mavsentry {version}"
+html_short_title = "mavsentry"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
@@ -66,15 +67,17 @@ html_theme_options = {
         "color-brand-primary": "#1f5fa8",
         "color-brand-content": "#1f5fa8",
         "color-brand-visited": "#5b3f9e",
+        "color-sidebar-link-text--top-level": "#33404d",
     },
     "dark_css_variables": {
         "color-brand-primary": "#8ab8f0",
         "color-brand-content": "#8ab8f0",
         "color-brand-visited": "#b9a3ee",
+        "color-sidebar-link-text--top-level": "#c3cbd3",
     },
 }
-pygments_style = "a11y-high-contrast-light"
-pygments_dark_style = "a11y-high-contrast-dark"
+pygments_style = "github-light-high-contrast"
+pygments_dark_style = "github-dark"
 
 
 def setup(app: Sphinx) -> None:
