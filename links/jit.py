@@ -209,7 +209,7 @@ def _overload_borrowed(state: Any) -> Any:
 def is_cold() -> bool:
     """Whether most of the modules imported so far have no machine code in the cache yet.
 
-    Their first calls will then take a minute or two. (Most, because a module's kernels may be of no
+    Their first calls will then take some minutes. (Most, because a module's kernels may be of no
     use to this program and never be compiled.)
     """
     compiled = sum(any(folder.rglob("*.nbi")) for folder in _folders)

@@ -29,7 +29,7 @@ __all__ = ["COMPILING", "PARTS", "compile_part", "made_up_flight", "numbered", "
 DURATION_S = 90.0
 FAULTS_FROM_S = 60.0
 COMPILING = (
-    "mavsentry: compiling kernels, once on this machine, takes a minute or two; "
+    "mavsentry: compiling kernels, once on this machine, takes several minutes; "
     "`mavsentry warmup` does it ahead"
 )
 

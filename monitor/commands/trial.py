@@ -107,6 +107,8 @@ class Trial:
         The telemetry log.
     estimates
         Name -> rows, of the analysis.
+    busy
+        Processor time of the daemon per second while the flight was fed [s/s]; NaN if not told.
     """
 
     truth: dict[str, Any]
@@ -115,6 +117,7 @@ class Trial:
     status: dict[str, Any]
     recording: Path
     estimates: Mapping[str, Rows]
+    busy: float = float("nan")
 
     def agrees(self) -> bool:
         """Whether the daemon said in flight exactly what its recording gives afterwards."""
@@ -163,7 +166,9 @@ def try_out(
         arguments = ("--out", f"udpout:127.0.0.1:{listener.port}", "--profile", profile)
         with DaemonProcess((*arguments, "--record", str(recordings), *further)) as daemon:
             _until_ready(daemon, listener, say)
+            began_s, used_s = time.monotonic(), daemon.usage()[0]
             truth = _fly(scenario, speed, out, daemon, listener, say)
+            busy = (daemon.usage()[0] - used_s) / (time.monotonic() - began_s)
             time.sleep(SETTLE_S)
             if daemon.stop() != 0:
                 raise Refused(f"the daemon failed: {daemon.notes}")
@@ -171,7 +176,8 @@ def try_out(
     estimates = Estimates()
     analysis = analyze_log(recording, load(profile), sink=estimates)
     changes = [change for _, change in daemon.changes]
-    return Trial(truth, analysis, changes, daemon.last_status or {}, recording, estimates.joined())
+    status = daemon.last_status or {}
+    return Trial(truth, analysis, changes, status, recording, estimates.joined(), busy)
 
 
 def _until_ready(daemon: DaemonProcess, listener: Listener, say: Callable[[str], None]) -> None:
