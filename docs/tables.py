@@ -3,10 +3,10 @@
 ``python docs/tables.py`` writes between two comments of any page, so that no figure is typed by
 hand; ``--check`` only says which pages are out of date. Comments of a table, and its end::
 
-    <!-- measured: airspeed0 aoa0 -->        smallest faults of these, in all configurations
-    <!-- measured: acc_x acc_z of one IMU, attitude of its own -->       in this one alone
+    <!-- measured airspeed0 aoa0 -->        smallest faults of these, in all configurations
+    <!-- measured acc_x acc_z of one IMU, attitude of its own -->       in this one alone
     <!-- false alarms of one pitot; two pitots -->    judged hours and bound of configurations
-    <!-- settings: air.margin_one air.min_shift -->   what each profile has, and what it means
+    <!-- settings air.margin_one air.min_shift -->   what each profile has, and what it means
     <!-- reasons -->                                  why a sensor is not judged, and what to do
     <!-- end of the table -->
 """
@@ -121,7 +121,11 @@ def reasons(_asked: str, _source: str) -> str:
     from links.vocabulary import Reason
     from monitor.report.remedies import remedy
 
-    rows = [[str(reason), *remedy(str(reason), "")] for reason in Reason]
+    command = re.compile(r"mavsentry [^,;]+|--config \S+")
+    rows = [
+        [str(reason), *(command.sub(r"`\g<0>`", words) for words in remedy(str(reason), ""))]
+        for reason in Reason
+    ]
     return table(["reason", "what it means", "what to do"], rows)
 
 
@@ -137,7 +141,7 @@ def filled(text: str, source: str) -> str:
     """A page with its tables as they should be now."""
 
     def put(mark: re.Match[str]) -> str:
-        asked = mark["asked"].lstrip(":").strip()
+        asked = mark["asked"].strip()
         return f"{mark['head']}\n{MADE[mark['what']](asked, source)}\n"
 
     return MARK.sub(put, text)

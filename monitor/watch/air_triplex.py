@@ -166,7 +166,7 @@ class AirTriplexWatch:
         return done.under("triplex")
 
     def peaks(self) -> dict[str, float]:
-        """No key of it is learnt: its thresholds are those of wan2016."""
+        """No key of it is learnt: its thresholds follow each flight's own scatter."""
         return {}
 
     def step(self, rows: Mapping[str, Rows], until_us: int) -> StepResult:

@@ -38,7 +38,7 @@ def pages() -> ModuleType:
 
 
 def test_rows_of_a_sensor_come_with_their_configuration(pages: ModuleType) -> None:
-    page = "before\n<!-- measured: airspeed0 -->\nold\n<!-- end of the table -->\nafter\n"
+    page = "before\n<!-- measured airspeed0 -->\nold\n<!-- end of the table -->\nafter\n"
     lines = pages.filled(page, PAGE).splitlines()
     assert (lines[0], lines[-2], lines[-1]) == ("before", "<!-- end of the table -->", "after")
     assert [line for line in lines if "airspeed0`" in line] == [
@@ -54,19 +54,19 @@ def test_false_alarms_of_the_configurations_that_are_asked_for(pages: ModuleType
     assert rows == ["| kite | two pitots | 0.5 | 1 | 9.5 |"]
 
 
-@pytest.mark.parametrize("asked", ["measured: spool0", "measured: aoa0 of none", "false alarms of"])
+@pytest.mark.parametrize("asked", ["measured spool0", "measured aoa0 of none", "false alarms of"])
 def test_what_was_not_measured_is_an_error(pages: ModuleType, asked: str) -> None:
     with pytest.raises(LookupError):
         pages.filled(f"<!-- {asked} -->\n<!-- end of the table -->\n", PAGE)
 
 
 def test_settings_come_from_their_definitions(pages: ModuleType) -> None:
-    page = "<!-- settings: air.min_shift air.horizon.horizon_s -->\n<!-- end of the table -->\n"
+    page = "<!-- settings air.min_shift air.horizon.horizon_s -->\n<!-- end of the table -->\n"
     rows = re.findall(r"^\| `.*", pages.filled(page, PAGE), re.MULTILINE)
     assert rows[0].startswith("| `air.min_shift` | 0.075 | 0.075 | 0.045 | Least shift")
     assert rows[1].startswith("| `air.horizon.horizon_s` | 300 |")
     with pytest.raises(LookupError):
-        pages.filled("<!-- settings: air.nothing -->\n<!-- end of the table -->\n", PAGE)
+        pages.filled("<!-- settings air.nothing -->\n<!-- end of the table -->\n", PAGE)
 
 
 def test_reasons_are_the_closed_list(pages: ModuleType) -> None:
