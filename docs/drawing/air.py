@@ -37,7 +37,7 @@ def turn(path: Path) -> None:
     nose = np.array([math.cos(euler[at, 2]), math.sin(euler[at, 2])])
     for when, colour, name in (
         (STRAIGHT_S, MEASURED, f"on the straight, {STRAIGHT_S:.0f} s"),
-        (learnt_s, OTHER, f"after the turn, {learnt_s:.0f} s"),
+        (learnt_s, OTHER, f"in the turn, {learnt_s:.0f} s"),
     ):
         i = int(np.searchsorted(t, when))
         rows = np.zeros((2, x.shape[1]))

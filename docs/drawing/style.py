@@ -28,8 +28,8 @@ STATES: Final = {
     "unmonitored": "#d5d8dd",
 }
 
-WIDTH_IN: Final = 7.0
-DPI: Final = 130
+WIDTH_IN: Final = 6.0
+DPI: Final = 150
 
 plt.rcParams.update(
     {

@@ -50,7 +50,7 @@ def _strip(axes: Axes, flight: Judged, sensors: list[str], begin: float, end: fl
                     dark = verdict.state is State.FAULTY
                     axes.text(
                         0.5 * (left + right), row, words, ha="center", va="center",
-                        fontsize=9, color="white" if dark else "black",
+                        fontsize=8, color="white" if dark else "black",
                     )  # fmt: skip
     axes.set(yticks=range(len(sensors)), yticklabels=list(reversed(sensors)))
     axes.set(ylim=(-0.6, len(sensors) - 0.4), xlim=(begin, end))
@@ -99,7 +99,7 @@ def flight(path: Path) -> None:
         states.axvspan(fault["onset_s"], fault["cleared_s"] or end, color=FAULT, lw=0)
         readings.axvspan(fault["onset_s"], fault["cleared_s"] or end, color=FAULT, lw=0)
     _readings(readings, it, 0.0, end)
-    readings.legend(loc="lower left", bbox_to_anchor=(0.2, 0.03))
+    readings.legend(loc="lower left", bbox_to_anchor=(0.14, 0.03))
     _strip(states, it, ["airspeed0", "airspeed1"], 0.0, end)
     states.set_xlabel("seconds from the log's first record")
     save(figure, path)
