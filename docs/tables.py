@@ -96,7 +96,7 @@ def alarms(asked: str, source: str) -> str:
 
 
 def settings(asked: str, _: str) -> str:
-    """Keys, their values in the bundled profiles, and their descriptions."""
+    """Keys, their values (of small-uav, and where another profile differs), their descriptions."""
     from monitor.settings import Settings, load
 
     loaded = [load(profile) for profile in PROFILES]
@@ -111,9 +111,14 @@ def settings(asked: str, _: str) -> str:
         field = getattr(model, "model_fields").get(name)  # noqa: B009
         if field is None:
             raise LookupError(f"there is no setting {key}")
-        shown = [f"{getattr(value, name):g}" for value in values]
-        rows.append([f"`{key}`", *shown, str(field.description)])
-    return table(["key", *PROFILES, "meaning"], rows)
+        default, *others = [f"{getattr(value, name):g}" for value in values]
+        differ = [
+            f"{profile} {value}"
+            for profile, value in zip(PROFILES[1:], others, strict=True)
+            if value != default
+        ]
+        rows.append([f"`{key}`", ", ".join([default, *differ]), str(field.description)])
+    return table(["key", "value", "meaning"], rows)
 
 
 def reasons(_asked: str, _source: str) -> str:

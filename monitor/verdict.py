@@ -52,7 +52,7 @@ class Verdict:
     state
         The new state.
     reason
-        Why it is unmonitored; None for every other state.
+        Why it is unmonitored, or that sensors disagree where it is suspect; else None.
     kind
         Shape of the fault, when faulty.
     onset_t_us

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.patches import Ellipse
@@ -110,4 +111,52 @@ def bounds(path: Path) -> None:
     residuals.annotate("threshold", (16.2, kt * runaway.THRESHOLD_KT), xytext=(0, 3),
                        textcoords="offset points")  # fmt: skip
     residuals.set(ylabel="residual J [m/s]", ylim=(0, 30), xlabel="time [s]")
+    save(figure, path)
+
+
+def _lone_vane(size_deg: float) -> Callable[[dict[str, Any]], None]:
+    """Leaves the light aircraft one vane, which is off by so much for half a minute."""
+
+    def change(table: dict[str, Any]) -> None:
+        table["aoa"]["count"] = 1
+        fault = {"sensor": "aoa0", "kind": "bias", "size_deg": size_deg}
+        table["fault"] = [fault | {"start_s": 130.0, "end_s": 160.0}]
+
+    return change
+
+
+def vane(path: Path) -> None:
+    """Two shifts of a lone vane: one that an updraft would explain, and one that none would."""
+    figure, (off, ratios) = canvas(5.6, 2, height_ratios=[3, 2], sharex=True)
+    begin, end = 120.0, 185.0
+    limits = load("light-aircraft").vane
+    for size_deg, colour in ((3.0, OTHER), (4.5, MEASURED)):
+        it = judged("light-aircraft-vane", "light-aircraft", _lone_vane(size_deg))
+        t, aoa = it.rows("aoa0", "aoa_rad")
+        expected = np.interp(t, *it.estimate("air_expected", "aoa0_rad"))
+        inside = (t > begin) & (t < end)
+        off.plot(t[inside], np.degrees(aoa - expected)[inside], color=colour, lw=0.8,
+                 label=f"off by {size_deg:g}° from 130 to 160 s")  # fmt: skip
+        t_tests, ratio = it.estimate("air_tests", "aoa0_ratio")
+        inside = (t_tests > begin) & (t_tests < end)
+        ratios.plot(t_tests[inside], ratio[inside], color=colour)
+        for verdict in it.verdicts("aoa0"):
+            at = float(it.seconds(np.array(verdict.t_us)))
+            if begin < at < end:
+                ratios.axvline(at, color=colour, lw=0.8, ls=":")
+                ratios.annotate(str(verdict.state), (at, 2.7), xytext=(4, 0), color=colour,
+                                textcoords="offset points")  # fmt: skip
+    t_air, tas = it.estimate("air", "tas_m_s")
+    during = (t_air > begin) & (t_air < end)
+    least = np.degrees(np.arctan(limits.updraft_m_s / tas[during]))
+    before = float(np.degrees(aoa - expected)[(t > begin) & (t < 130.0)].mean())
+    words = f"as before, within an updraft of {limits.updraft_m_s:g} m/s"
+    off.fill_between(
+        t_air[during], before - least, before + least, color=GREY, alpha=0.2, lw=0, label=words
+    )
+    off.set(ylabel="vane less expected [°]", xlim=(begin, end), ylim=(-6, 10))
+    off.legend(loc="upper left")
+    ratios.axhline(1.0, color=TRUE, lw=0.8)
+    ratios.set(ylabel="statistic / threshold", ylim=(0, 3))
+    ratios.set_xlabel("seconds from the log's first record")
     save(figure, path)

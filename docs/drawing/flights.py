@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
@@ -76,9 +77,13 @@ class Judged:
 
 
 @cache
-def judged(name: str, profile: str = "small-uav") -> Judged:
-    """Fly a bundled scenario and let the air watch judge it, a fifth of a second at a time."""
-    flight = scenario.load(name).fly()
+def judged(
+    name: str,
+    profile: str = "small-uav",
+    change: Callable[[dict[str, Any]], None] | None = None,
+) -> Judged:
+    """Fly a bundled scenario, changed or not, and let the air watch judge it piece by piece."""
+    flight = scenario.load(name, change).fly()
     chosen = settings.load(profile)
     watch = AirWatch(chosen.air, chosen.triplex, chosen.vane)
     pipeline, recording, decoder = Pipeline(chosen, [watch]), Recording(), Decoder()
