@@ -117,8 +117,9 @@ def settings(asked: str, _: str) -> str:
             for profile, value in zip(PROFILES[1:], others, strict=True)
             if value != default
         ]
-        rows.append([f"`{key}`", ", ".join([default, *differ]), str(field.description)])
-    return table(["key", "value", "meaning"], rows)
+        values_shown = ", ".join([default, *differ])
+        rows.append(f"* `{key}` ({values_shown}): {field.description}\n")
+    return "".join(rows)
 
 
 def reasons(_asked: str, _source: str) -> str:

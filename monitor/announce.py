@@ -178,8 +178,9 @@ def _disagreement(sensors: list[str]) -> str:
     groups = dict.fromkeys(s.partition(".")[0] for s in sorted(sensors))
     axes = dict.fromkeys(s.partition(".")[2] for s in sorted(sensors))
     text = "/".join(groups)
-    named = " ".join((text, *filter(None, axes))) + " disagree"
-    return named if len(named) <= TEXT_MAX else f"{text} disagree on {len(axes)} axes"[:TEXT_MAX]
+    verb = "disagree" if len(groups) > 1 else "disagrees"  # the other one was said too often
+    named = " ".join((text, *filter(None, axes))) + f" {verb}"
+    return named if len(named) <= TEXT_MAX else f"{text} {verb} on {len(axes)} axes"[:TEXT_MAX]
 
 
 class Announcer:

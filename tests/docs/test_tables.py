@@ -62,9 +62,9 @@ def test_what_was_not_measured_is_an_error(pages: ModuleType, asked: str) -> Non
 
 def test_settings_come_from_their_definitions(pages: ModuleType) -> None:
     page = "<!-- settings air.min_shift air.horizon.horizon_s -->\n<!-- end of the table -->\n"
-    rows = re.findall(r"^\| `.*", pages.filled(page, PAGE), re.MULTILINE)
-    assert rows[0].startswith("| `air.min_shift` | 0.075, transport 0.045 | Least shift")
-    assert rows[1].startswith("| `air.horizon.horizon_s` | 300 |")
+    rows = re.findall(r"^\* `.*", pages.filled(page, PAGE), re.MULTILINE)
+    assert rows[0].startswith("* `air.min_shift` (0.075, transport 0.045): Least shift")
+    assert rows[1].startswith("* `air.horizon.horizon_s` (300): Length")
     with pytest.raises(LookupError):
         pages.filled("<!-- settings air.nothing -->\n<!-- end of the table -->\n", PAGE)
 

@@ -162,6 +162,12 @@ def test_imus_that_disagree_are_said_together_and_once(axes, text):
         text = ""
 
 
+def test_of_two_that_disagree_one_may_have_been_said_too_often():
+    announcer = Announcer(burst=5, interval_s=1.0)
+    announcer.note(*disagree("airspeed1"))
+    assert [t.text for t in announcer.due(0, 0)] == ["airspeed1 disagrees"]
+
+
 def test_who_is_named_later_is_said_and_the_other_is_cleared():
     announcer = Announcer(burst=5, interval_s=1.0)
     for verdict in disagree("imu0.gyro_x", "imu1.gyro_x"):
