@@ -24,6 +24,7 @@ DRAWN: Final[Mapping[str, Callable[[Path], None]]] = {
     "verdict-ratio.png": verdict.ratio,
     "air-turn.png": air.turn,
     "air-bounds.png": air.bounds,
+    "air-drift.png": air.drift,
     "air-vane.png": air.vane,
 }
 """File -> what draws it."""

@@ -19,6 +19,7 @@ from monitor.settings import load
 
 FLIGHT: Final = "small-uav-pitot-blockage"
 K0: Final = SCALE.start
+ICING_S: Final = 120.0
 STRAIGHT_S: Final = 56.0
 """Before the first turn of the flight, which begins a second later."""
 
@@ -111,6 +112,49 @@ def bounds(path: Path) -> None:
     residuals.annotate("threshold", (16.2, kt * runaway.THRESHOLD_KT), xytext=(0, 3),
                        textcoords="offset points")  # fmt: skip
     residuals.set(ylabel="residual J [m/s]", ylim=(0, 30), xlabel="time [s]")
+    save(figure, path)
+
+
+def _icing(table: dict[str, Any]) -> None:
+    """Leaves the small aircraft one pitot, which loses 5 % a minute while it flies in squares."""
+    table["airspeed"]["count"] = 1
+    square = [
+        {"do": "turn", "angle_deg": 90.0, "bank_deg": 30.0},
+        {"do": "level", "duration_s": 30.0},
+    ]
+    table["leg"] = table["leg"][:5] + 9 * square
+    icing = {"kind": "icing", "start_s": ICING_S, "fraction_per_s": 0.05 / 60.0}
+    table["fault"] = [{"sensor": "airspeed0"} | icing]
+
+
+def drift(path: Path) -> None:
+    """A lone pitot ices: the filters follow it, the long horizon finds it."""
+    it = judged(FLIGHT, "small-uav", _icing)
+    fault = it.fault("airspeed0")
+    begin, end = 70.0, fault["detected_s"] + 40.0
+    figure, (error, ratios) = canvas(5.2, 2, height_ratios=[3, 2], sharex=True)
+    t_true, true = it.truth("cas_m_s")
+    for (t, cas), colour, name, width in (
+        (it.rows("airspeed0", "cas_m_s"), MEASURED, "airspeed0 reads", 0.6),
+        (it.estimate("air_expected", "airspeed0_m_s"), RECONSTRUCTED, "expected of it", 1.2),
+    ):
+        inside = (t > begin) & (t < end)
+        off = 100.0 * (cas[inside] / np.interp(t[inside], t_true, true) - 1.0)
+        error.plot(t[inside], off, color=colour, lw=width, label=name)
+    error.axvline(ICING_S, color=GREY, lw=0.8, ls=":")
+    error.set(ylabel="off the true CAS by [%]", ylim=(-26, 4))
+    error.legend(loc="lower left")
+    t, ratio = it.estimate("air_tests", "airspeed0_ratio")
+    inside = (t > begin) & (t < fault["detected_s"] + 0.1)
+    ratios.plot(t[inside], ratio[inside], color=MEASURED, lw=1)
+    ratios.axhline(1.0, color=TRUE, lw=0.8)
+    for axes in (error, ratios):
+        axes.axvline(fault["detected_s"], color=MEASURED, lw=0.8, ls=":")
+        axes.set_xlim(begin, end)
+    ratios.annotate("faulty", (fault["detected_s"], 1.6), xytext=(4, 0), color=MEASURED,
+                    textcoords="offset points")  # fmt: skip
+    ratios.set(ylabel="statistic / threshold", ylim=(0, 2))
+    ratios.set_xlabel("seconds from the log's first record")
     save(figure, path)
 
 
