@@ -26,7 +26,7 @@ STRAIGHT_S: Final = 56.0
 
 def turn(path: Path) -> None:
     """A straight leaves wind and scale tied together, the first turn unties them."""
-    it = judged(FLIGHT)
+    it = judged(FLIGHT, weigh=True)
     t, x, P = it.bank["t_s"], it.bank["x"], it.bank["P"]
     learnt_std = load("small-uav").air.learnt_scale_std
     learnt_s = next(v.t_us for v in it.verdicts("airspeed0") if str(v.state) == "ok")

@@ -22,7 +22,7 @@ from monitor.verdict import Verdict
 from monitor.watch.air import AirWatch
 from sim_feeds import player, scenario
 
-SLICE_US = 200_000
+SLICE_US, WHOLE_US = 200_000, 30_000_000
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,12 @@ def judged(
     name: str,
     profile: str = "small-uav",
     change: Callable[[dict[str, Any]], None] | None = None,
+    weigh: bool = False,
 ) -> Judged:
-    """Fly a bundled scenario, changed or not, and let the air watch judge it piece by piece."""
+    """Fly a bundled scenario, changed or not, and let the air watch judge it.
+
+    With ``weigh`` piece by piece, and ``bank`` has what it held after each.
+    """
     flight = scenario.load(name, change).fly()
     chosen = settings.load(profile)
     watch = AirWatch(chosen.air, chosen.triplex, chosen.vane)
@@ -91,7 +95,8 @@ def judged(
     bank: list[tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
     frames = list(player.frames_of(flight))
     first_us = frames[0][0]
-    for _, some in groupby(frames, lambda frame: frame[0] // SLICE_US):
+    slice_us = SLICE_US if weigh else WHOLE_US
+    for _, some in groupby(frames, lambda frame: frame[0] // slice_us):
         batches.append(decoder.feed(b"".join(frame for _, frame in some)))
         recording.add(pipeline.feed(batches[-1]))
         bank.append(_weighed(watch, first_us))

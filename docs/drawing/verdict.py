@@ -92,7 +92,7 @@ def _ratio(axes: Axes, flight: Judged, sensor: str, begin: float, end: float) ->
 
 def flight(path: Path) -> None:
     """The whole flight: readings above, states below."""
-    it = judged(FLIGHT)
+    it = judged(FLIGHT, weigh=True)
     end = float(it.truth("cas_m_s")[0][-1])
     figure, (readings, states) = canvas(4.2, 2, height_ratios=[3, 1], sharex=True)
     for fault in it.faults:
@@ -107,7 +107,7 @@ def flight(path: Path) -> None:
 
 def evidence(path: Path) -> None:
     """The static tube of airspeed1 is closed in a descent: explanations compete until one leads."""
-    it = judged(FLIGHT)
+    it = judged(FLIGHT, weigh=True)
     fault = it.fault("airspeed1")
     begin, end = fault["onset_s"] - 7.0, fault["detected_s"] + 6.0
     figure, axes = canvas(8.2, 4, height_ratios=[3, 3, 2.2, 1.1], sharex=True)
@@ -149,7 +149,7 @@ def evidence(path: Path) -> None:
 
 def ratio(path: Path) -> None:
     """The pitot of airspeed0 fills with water and drains: alarm, latch, return."""
-    it = judged(FLIGHT)
+    it = judged(FLIGHT, weigh=True)
     fault = it.fault("airspeed0")
     begin, end = fault["onset_s"] - 8.0, fault["cleared_s"] + 6.0
     figure, axes = canvas(6.4, 3, height_ratios=[3, 3, 1.1], sharex=True)
