@@ -7,6 +7,7 @@ reads it. The font is STIX Two Math (SIL Open Font License) as the package ``zia
 from __future__ import annotations
 
 import html
+import re
 import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -16,6 +17,12 @@ from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.util import logging
 
+UNREAD = re.compile(r"<mi>(&|\\[^<]*)</mi>")
+"""What the converter hands on as it stands: a command that it does not know, a stray ``&``."""
+ACCENT = re.compile(
+    r"<mover>((?:<mrow>)?<mi>[^<]*</mi>(?:</mrow>)?)(<mo[^>]*>&#x(?:002D9|000A8|0005E|0007E|000AF);)"
+)
+"""A dot, hat, tilde or bar over a letter, which without ``accent`` is drawn as small as a power."""
 FONT = "STIXTwoMath-Regular.ttf"
 log = logging.getLogger(__name__)
 
@@ -23,10 +30,13 @@ log = logging.getLogger(__name__)
 def mathml(latex: str, display: str, at: nodes.Node) -> str:
     """An equation; one that cannot be read is a warning, which ends a strict build."""
     try:
-        return convert(latex, display=display)
+        found = convert(latex.replace("{aligned}", "{split}"), display=display)
+        if left := UNREAD.search(found):
+            raise ValueError(f"{left[1]} is not known")
     except Exception as error:
         log.warning("equation %r: %s %s", latex, type(error).__name__, error, location=at)
         return f"<code>{html.escape(latex)}</code>"
+    return ACCENT.sub(r'<mover accent="true">\1\2', found)
 
 
 def visit_inline(writer: Any, node: nodes.math) -> None:
