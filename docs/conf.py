@@ -57,6 +57,8 @@ html_title = f"mavsentry {version}"
 html_short_title = "mavsentry"
 html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
+html_favicon = "_site/static/icon.svg"
+html_logo = "_site/static/icon.svg"
 # Excerpts are fetched, which browsers refuse to pages from the disk.
 html_show_search_summary = False
 html_show_sphinx = False
