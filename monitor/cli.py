@@ -16,6 +16,7 @@ import typer
 from monitor.commands import (
     analyze,
     bench,
+    completion,
     config,
     demo,
     feed,
@@ -30,6 +31,7 @@ from monitor.commands import (
     warmup,
 )
 from monitor.commands.common import Refused, note
+from monitor.commands.helping import App
 from monitor.commands.reproduce.command import reproduce
 
 __all__ = ["app", "invoke", "main"]
@@ -39,30 +41,38 @@ DONE, UNUSABLE, INTERRUPTED = 0, 2, 130
 _ClickException: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
 """Base of typer's complaints about arguments; some versions of typer carry their own click."""
 
-app = typer.Typer(
+FLY, AFTER, SET_UP, WITHOUT, MEASURE = (
+    "In flight",
+    "After the flight",
+    "Set up and tune",
+    "Without an aircraft",
+    "Measured",
+)
+"""Headings that the commands stand under in the help."""
+
+app = App(
     name="mavsentry",
     help="Says which sensor of a fixed-wing aircraft is faulty, since when and why, over MAVLink "
     "in flight and from a log afterwards.",
-    add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-app.command("run")(run.run)
-app.command("analyze")(analyze.analyze)
-app.command("fleet")(fleet.fleet)
-app.command("feed")(feed.feed)
-app.command("inject")(inject.inject)
-app.command("replay")(replay.replay)
-app.command("reproduce")(reproduce)
-app.command("selftest")(selftest.selftest)
-app.command("warmup")(warmup.warmup)
-app.command("demo")(demo.demo)
-app.add_typer(learn.app, name="learn")
-app.add_typer(bench.app, name="bench")
-app.add_typer(config.app, name="config")
-app.add_typer(key.app, name="key")
-app.add_typer(service.app, name="service")
+app.command("run", rich_help_panel=FLY)(run.run)
+app.command("analyze", rich_help_panel=AFTER)(analyze.analyze)
+app.command("fleet", rich_help_panel=AFTER)(fleet.fleet)
+app.command("replay", rich_help_panel=AFTER)(replay.replay)
+app.command("inject", rich_help_panel=AFTER)(inject.inject)
+app.add_typer(config.app, name="config", rich_help_panel=SET_UP)
+app.add_typer(learn.app, name="learn", rich_help_panel=SET_UP)
+app.add_typer(key.app, name="key", rich_help_panel=SET_UP)
+app.add_typer(service.app, name="service", rich_help_panel=SET_UP)
+app.command("warmup", rich_help_panel=SET_UP)(warmup.warmup)
+app.command("completion", rich_help_panel=SET_UP)(completion.completion)
+app.command("demo", rich_help_panel=WITHOUT)(demo.demo)
+app.command("selftest", rich_help_panel=WITHOUT)(selftest.selftest)
+app.command("feed", rich_help_panel=WITHOUT)(feed.feed)
+app.add_typer(bench.app, name="bench", rich_help_panel=MEASURE)
+app.command("reproduce", rich_help_panel=MEASURE)(reproduce)
 
 
 def _version(asked: bool) -> None:
@@ -87,6 +97,8 @@ def _root(
 
 def invoke(arguments: list[str]) -> int:
     """Run one command; every expected end becomes an exit status and at most one sentence."""
+    if completion.ASKED in os.environ:
+        completion.prepare()
     try:
         status = typer.main.get_command(app).main(
             arguments, prog_name="mavsentry", standalone_mode=False

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import (
+    OUTPUT,
+    WORK,
     ConfigFile,
     Profile,
     Refused,
@@ -68,22 +71,44 @@ class Outcome:
 
 
 def analyze(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Log files of flights.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Log files of flights.",
+            autocompletion=completing.logs,
+        ),
+    ],
     profile: Profile = None,
     config: ConfigFile = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for DIR/<log stem>/.")] = Path(
-        "mavsentry-out"
-    ),
-    csv: Annotated[bool, typer.Option("--csv", help="Write the estimates as CSV as well.")] = False,
+    out: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="Folder for DIR/<log stem>/.", rich_help_panel=OUTPUT),
+    ] = Path("mavsentry-out"),
+    csv: Annotated[
+        bool,
+        typer.Option("--csv", help="Write the estimates as CSV as well.", rich_help_panel=OUTPUT),
+    ] = False,
     exit_code: Annotated[
-        bool, typer.Option("--exit-code", help="End with 1 when a fault was found.")
+        bool,
+        typer.Option(
+            "--exit-code", help="End with 1 when a fault was found.", rich_help_panel=OUTPUT
+        ),
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="Logs at once; as many as cores by default."),
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Logs at once; as many as cores by default.",
+            rich_help_panel=WORK,
+        ),
     ] = None,
     report: Annotated[
-        bool, typer.Option("--report/--no-report", help="Write DIR/<log stem>/report.html.")
+        bool,
+        typer.Option(
+            "--report/--no-report", help="Write DIR/<log stem>/report.html.", rich_help_panel=OUTPUT
+        ),
     ] = True,
 ) -> None:
     """Say what was faulty in recorded flights, since when, and why.

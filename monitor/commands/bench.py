@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.bench_against.command import against
 from monitor.commands.bench_detect.command import detect
 from monitor.commands.common import Refused, console, progress
+from monitor.commands.helping import App
 
 if TYPE_CHECKING:
     from monitor.commands.bench_cases import BenchCase
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
-app = typer.Typer()
+app = App()
 app.command("detect")(detect)
 app.command("against")(against)
 
@@ -86,17 +88,23 @@ def bench(
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="Telemetry log to work on; else a synthetic flight's."),
+        typer.Option(
+            metavar="LOG",
+            help="Telemetry log to work on; else a synthetic flight's.",
+            autocompletion=completing.logs,
+        ),
     ] = None,
-    seconds: Annotated[float, typer.Option(min=0.1, help="Time per case, seconds.")] = 4.0,
+    seconds: Annotated[
+        float, typer.Option(min=0.1, help="Time per case, seconds.", metavar="S")
+    ] = 4.0,
     minutes: Annotated[
-        float, typer.Option(min=0.1, help="How long latency_ms watches a live link, minutes.")
+        float,
+        typer.Option(
+            min=0.1, help="How long latency_ms watches a live link, minutes.", metavar="MIN"
+        ),
     ] = 0.5,
 ) -> None:
-    """Measure how fast each part is, against its peers, all in one run, interleaved.
-
-    Example: mavsentry bench --only pipeline --json speed.json
-    """
+    """Measure how fast each part is, against its peers, all in one run, interleaved."""
     if context.invoked_subcommand is not None:
         if json_file or only or log:
             raise Refused(f"options of {context.invoked_subcommand} stand behind its name")

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from monitor.commands import completing
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as RichProgress
@@ -19,6 +21,10 @@ if TYPE_CHECKING:
     from monitor.settings import Settings
 
 __all__ = [
+    "LINKS",
+    "OUTPUT",
+    "SETTINGS",
+    "WORK",
     "Bar",
     "ConfigFile",
     "Profile",
@@ -30,11 +36,28 @@ __all__ = [
     "progress",
 ]
 
+LINKS, SETTINGS, OUTPUT, WORK = "Links", "Aircraft and settings", "Output", "How it works"
+"""Headings that options stand under in the help of commands that have many."""
+
 Profile = Annotated[
-    str | None, typer.Option(help="small-uav (the default), light-aircraft or transport.")
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Class of airframe: small-uav (20 m/s, the default), light-aircraft (50 m/s) or "
+        "transport (100 m/s).",
+        autocompletion=completing.profiles,
+        rich_help_panel=SETTINGS,
+    ),
 ]
 ConfigFile = Annotated[
-    Path | None, typer.Option("--config", metavar="FILE", help="Settings in TOML.")
+    Path | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="Settings in TOML, over those of the profile; `mavsentry config init` writes one.",
+        autocompletion=completing.settings_files,
+        rich_help_panel=SETTINGS,
+    ),
 ]
 
 

@@ -21,13 +21,18 @@ def demo(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for what it writes.")] = Path(
         "demo-out"
     ),
-    speed: Annotated[float, typer.Option(min=0.5, max=10.0, help="Times real time.")] = SPEED,
+    speed: Annotated[
+        float, typer.Option(min=0.5, max=10.0, help="Times real time.", metavar="FACTOR")
+    ] = SPEED,
     web: Annotated[
         str | None,
         typer.Option(metavar="HOST:PORT", help="Serve the daemon's live page there meanwhile."),
     ] = None,
 ) -> None:
-    """Fly a synthetic aircraft over UDP into the daemon, break its sensors, show what is found."""
+    """Fly a synthetic aircraft whose sensors break, and show what is found.
+
+    Its MAVLink goes over UDP loopback into the daemon: the way that a real one goes.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

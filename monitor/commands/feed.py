@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import Refused, note, open_link, progress
 from monitor.commands.replay import MAX_FRAMES_PER_S, speed_of
 
@@ -22,17 +23,30 @@ Frame = tuple[int, bytes]
 
 def feed(
     scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="Bundled scenario or a TOML file.")
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="Bundled scenario or a TOML file.",
+            autocompletion=completing.scenarios,
+        ),
     ] = "demo",
     aircraft: Annotated[
         str | None,
         typer.Option(
             help="Not the scenario's: transport, light-aircraft, small-uav; or with the extra sim "
-            "aerosonde, c172p, A320 and others of JSBSim, which fly a circuit instead of the legs."
+            "aerosonde, c172p, A320 and others of JSBSim, which fly a circuit instead of the legs.",
+            metavar="NAME",
+            autocompletion=completing.profiles,
         ),
     ] = None,
     to: Annotated[
-        str, typer.Option("--to", metavar="LINK|FILE.tlog", help="Where the frames go.")
+        str,
+        typer.Option(
+            "--to",
+            metavar="LINK",
+            help="Where the frames go; FILE.tlog writes a log.",
+            autocompletion=completing.links,
+        ),
     ] = "udpout:127.0.0.1:14550",
     speed: Annotated[
         str,
@@ -40,7 +54,7 @@ def feed(
             metavar="FACTOR|max", help="1 is real time; a file is always written at once."
         ),
     ] = "1",
-    seed: Annotated[int | None, typer.Option(help="Not the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Not the scenario's.", metavar="N")] = None,
     streams: Annotated[
         float | None,
         typer.Option(

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import (
+    OUTPUT,
+    WORK,
     ConfigFile,
     Profile,
     Refused,
@@ -44,56 +47,92 @@ def fleet(
         typer.Argument(
             metavar="PATTERN...",
             help="Logs, folders, patterns such as 'flights/**/*.tlog', or URLs of these.",
+            autocompletion=completing.logs,
         ),
     ],
     out: Annotated[
-        str, typer.Option(metavar="DIR", help="Folder or URL of dataset, reports and page.")
+        str,
+        typer.Option(
+            metavar="DIR",
+            help="Folder or URL of dataset, reports and page.",
+            rich_help_panel=OUTPUT,
+        ),
     ],
     profile: Profile = None,
     config: ConfigFile = None,
     jobs: Annotated[
         int | None,
         typer.Option(
-            "--jobs", "--workers", min=1, metavar="N", help="Processes here; by default the cores."
+            "--jobs",
+            "--workers",
+            min=1,
+            metavar="N",
+            help="Processes here; by default the cores.",
+            rich_help_panel=WORK,
         ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Dask scheduler to use, such as tcp://host:8786."),
+        typer.Option(
+            metavar="URL",
+            help="Dask scheduler to use, such as tcp://host:8786.",
+            rich_help_panel=WORK,
+        ),
     ] = None,
     aircraft: Annotated[
         str | None,
         typer.Option(
             metavar="REGEX",
             help="Finds the aircraft in a log's path; by default its folder and system id.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     retries: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Tries more for a log that cannot be read.")
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Tries more for a log that cannot be read.",
+            rich_help_panel=WORK,
+        ),
     ] = 2,
     limit_s: Annotated[
-        float, typer.Option(min=1.0, metavar="S", help="Longest time for one log, seconds.")
+        float,
+        typer.Option(
+            min=1.0, metavar="S", help="Longest time for one log, seconds.", rich_help_panel=WORK
+        ),
     ] = 3600.0,
     estimates: Annotated[
-        bool, typer.Option("--estimates", help="Write the estimates of each log as well.")
+        bool,
+        typer.Option(
+            "--estimates", help="Write the estimates of each log as well.", rich_help_panel=OUTPUT
+        ),
     ] = False,
     reports: Annotated[
         Reports,
-        typer.Option(help="Write report.html of no log, of those with findings, or of all."),
+        typer.Option(
+            metavar="none|found|all",
+            help="Write report.html of no log, of those with findings, or of all.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = Reports.NONE,
     again: Annotated[
-        bool, typer.Option("--again", help="Analyze logs whose outcome is known, too.")
+        bool,
+        typer.Option(
+            "--again", help="Analyze logs whose outcome is known, too.", rich_help_panel=WORK
+        ),
     ] = False,
     exit_code: Annotated[
-        bool, typer.Option("--exit-code", help="End with 1 when a fault was found.")
+        bool,
+        typer.Option(
+            "--exit-code", help="End with 1 when a fault was found.", rich_help_panel=OUTPUT
+        ),
     ] = False,
 ) -> None:
     """Analyze an archive of logs on many processes: one dataset, one page.
 
     A log is analyzed once: the next call goes on where this one ended, and takes up what is new or
     changed. A log that cannot be judged is a row with the reason; the status is then 2.
-
-    Example: mavsentry fleet 'flights/**/*.tlog' --out fleet
     """
     _refuse_without_extra(reports)
     from monitor.fleet.dataset import DatasetError, load

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import ConfigFile, Refused, console, load_settings, progress
 
 if TYPE_CHECKING:
@@ -38,10 +39,22 @@ def _show_example(asked: bool) -> None:
 
 
 def inject(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Telemetry log (.tlog).")],
-    faults: Annotated[Path, typer.Argument(metavar="FAULTS.toml", help="What breaks, and when.")],
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG", help="Telemetry log (.tlog).", autocompletion=completing.logs
+        ),
+    ],
+    faults: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FAULTS.toml",
+            help="What breaks, and when.",
+            autocompletion=completing.settings_files,
+        ),
+    ],
     to: Annotated[Path, typer.Option("--to", metavar="OUT.tlog", help="The log to write.")],
-    seed: Annotated[int, typer.Option(min=0, help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the noise.", metavar="N")] = 0,
     config: ConfigFile = None,
     example: Annotated[
         bool,
@@ -57,14 +70,7 @@ def inject(
 
     The aircraft flies as it flew: nothing steers on the faulty readings. The fields of the
     sensors' messages are changed; every other byte, and the times, stay.
-
-    For example:
-
-    \b
-      mavsentry inject --example > faults.toml
-      mavsentry inject flight.tlog faults.toml --to broken.tlog
-      mavsentry analyze broken.tlog
-    """  # noqa: D301 - the help needs the control character
+    """
     settings = load_settings(None, config)
     _check_output(log, to)
     injection = _injection(faults)

@@ -8,15 +8,18 @@ from typing import Annotated
 import typer
 
 from monitor.commands.common import Refused
+from monitor.commands.helping import App
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Make and check signing keys.", no_args_is_help=True)
+app = App(help="Make and check signing keys.")
 
 
 @app.command()
 def new(
-    file: Annotated[Path, typer.Argument(help="File to write; must not be there yet.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File to write; must not be there yet.")
+    ],
 ) -> None:
     """Write a random passphrase into a file that only you can read."""
     from monitor.security.key import KeyFileError, new_key_file
@@ -32,7 +35,7 @@ def new(
 
 
 @app.command()
-def check(file: Annotated[Path, typer.Argument(help="File to check.")]) -> None:
+def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="File to check.")]) -> None:
     """Say whether a file can be used as [security] key_file; never shows what is in it."""
     from monitor.security.key import KeyFileError, read_key
 

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from monitor.commands.common import ConfigFile, Profile, Refused, console, note, progress
+from monitor.commands import completing
+from monitor.commands.common import (
+    WORK,
+    ConfigFile,
+    Profile,
+    Refused,
+    console,
+    note,
+    progress,
+)
+from monitor.commands.helping import App
 
 if TYPE_CHECKING:
     from monitor.fleet.sources import Source
@@ -19,15 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Learn settings from healthy flights.", no_args_is_help=False)
-
-
-@app.callback(invoke_without_command=True)
-def _group(context: typer.Context) -> None:
-    """Learn settings from healthy flights."""
-    if context.invoked_subcommand is None:
-        print(context.get_help())
-        raise typer.Exit
+app = App(help="Learn settings from healthy flights.")
 
 
 @app.command()
@@ -36,6 +38,7 @@ def thresholds(
         list[str],
         typer.Argument(
             metavar="LOG...",
+            autocompletion=completing.logs,
             help="Healthy flights of one airframe: files, folders, patterns, fsspec URLs.",
         ),
     ],
@@ -58,19 +61,23 @@ def thresholds(
             min=1,
             metavar="N",
             help="Processes here; by default the cores, if there is much to read.",
+            rich_help_panel=WORK,
         ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Dask scheduler to use, such as tcp://host:8786."),
+        typer.Option(
+            metavar="URL",
+            help="Dask scheduler to use, such as tcp://host:8786.",
+            rich_help_panel=WORK,
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
 ) -> None:
     """Fit thresholds to an airframe from its healthy flights.
 
     Needs 3 flights and 10 judged minutes of each sensor; lowers a threshold only on 5 flights and
-    an hour. One flight in ten that is not healthy is left out and named. Example: mavsentry learn
-    thresholds healthy/*.tlog --out ranger.toml --airframe ranger
+    an hour. One flight in ten that is not healthy is left out and named.
     """
     from links.logs import LogError
     from monitor.fleet.engine import Died, EngineError, open_engine
@@ -132,7 +139,12 @@ def _workers(sources: Sequence[Source], asked: int | None, scheduler: str | None
 @app.command()
 def engine(
     logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Healthy flights of one airframe.")
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            autocompletion=completing.logs,
+            help="Healthy flights of one airframe.",
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="FILE.toml", help="File to write.")],
     profile: Profile = None,
@@ -142,8 +154,7 @@ def engine(
     """Fit the engine model of a piston or electric aircraft to its healthy flights.
 
     Speed follows throttle and airspeed. The file of --config is carried along; where it says which
-    channel measures which shaft, that stands. Example: mavsentry learn engine healthy/*.tlog --out
-    engine.toml
+    channel measures which shaft, that stands.
     """
     import tomllib
 
@@ -186,10 +197,20 @@ def engine(
 @app.command()
 def airframe(
     logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG...", help="Healthy flights of one airframe.")
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            autocompletion=completing.logs,
+            help="Healthy flights of one airframe.",
+        ),
     ],
     start: Annotated[
-        str, typer.Option(metavar="FILE.toml", help="Airframe to start from, or a bundled name.")
+        str,
+        typer.Option(
+            metavar="FILE.toml",
+            autocompletion=completing.airframes,
+            help="Airframe to start from, or a bundled name.",
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="FILE.toml", help="File to write.")],
     profile: Profile = None,
@@ -199,7 +220,6 @@ def airframe(
     """Refine the coefficients of an airframe that healthy flights can tell.
 
     The others keep their value, and are named. The file of --config says how servos move surfaces.
-    Example: mavsentry learn airframe healthy/*.tlog --start aerosonde --out mine.toml
     """
     from links.logs import LogError
     from monitor.learn.airframe import airframe_document, learn_airframe, measure_airframe

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import Refused, note, open_link, progress
 
 __all__ = ["replay", "speed_of"]
@@ -41,10 +42,18 @@ def speed_of(text: str) -> float | None:
 
 
 def replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Telemetry log (.tlog).")],
-    to: Annotated[str, typer.Option("--to", metavar="LINK", help="Where to send it.")] = (
-        "udpout:127.0.0.1:14550"
-    ),
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="LOG", help="Telemetry log (.tlog).", autocompletion=completing.logs
+        ),
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to", metavar="LINK", help="Where to send it.", autocompletion=completing.links
+        ),
+    ] = ("udpout:127.0.0.1:14550"),
     speed: Annotated[
         str, typer.Option(metavar="FACTOR|max", help="1 is as it was received.")
     ] = "1",

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from monitor.commands.common import ConfigFile, Profile, Refused
+from monitor.commands import completing
+from monitor.commands.common import LINKS, OUTPUT, ConfigFile, Profile, Refused
 from monitor.commands.live.asked import Asked
 from monitor.commands.live.signals import Signals
 from monitor.commands.live.turning import turn_until_stopped
@@ -31,6 +32,8 @@ def run(
             help="Where the vehicle's MAVLink comes from: udpin:HOST:PORT, udpout:HOST:PORT, "
             "tcp:HOST:PORT, tcpin:HOST:PORT, /dev/ttyX[:BAUD] or FILE.tlog; may be given several "
             "times. Without it [links] inputs, or udpin:0.0.0.0:14550.",
+            autocompletion=completing.links,
+            rich_help_panel=LINKS,
         ),
     ] = None,
     sinks: Annotated[
@@ -39,6 +42,8 @@ def run(
             "--out",
             metavar="LINK",
             help="Publish here too (a link, or a new FILE.tlog); may be given several times.",
+            autocompletion=completing.links,
+            rich_help_panel=LINKS,
         ),
     ] = None,
     profile: Profile = None,
@@ -50,12 +55,15 @@ def run(
             min=0,
             max=255,
             help="MAVLink system id of the vehicle, where several are heard; 0 takes the first.",
+            rich_help_panel=LINKS,
         ),
     ] = None,
     record: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Record what is received and published as .tlog in this folder."
+            metavar="DIR",
+            help="Record what is received and published as .tlog in this folder.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     web: Annotated[
@@ -64,6 +72,7 @@ def run(
             metavar="HOST:PORT",
             help="Serve the live page and Prometheus metrics there, such as 127.0.0.1:8080; any "
             "address but a loopback one asks for a token.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     log: Annotated[
@@ -72,10 +81,14 @@ def run(
             metavar="FILE",
             help="Log events there, one a line as JSON; journal: in systemd's journal; -: on "
             "standard error.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     json_lines: Annotated[
-        bool, typer.Option("--json", help="Print each change of state as a line of JSON.")
+        bool,
+        typer.Option(
+            "--json", help="Print each change of state as a line of JSON.", rich_help_panel=OUTPUT
+        ),
     ] = False,
 ) -> None:
     """Watch a live link: say what is faulty, and publish it over MAVLink."""

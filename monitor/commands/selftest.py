@@ -39,6 +39,7 @@ def selftest(
     speed: Annotated[
         float | None,
         typer.Option(
+            metavar="FACTOR",
             min=0.5,
             max=40.0,
             help="Times real time of the flight; without it 8, and slower where the machine "
@@ -47,9 +48,10 @@ def selftest(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
-    """Fly a synthetic aircraft into the daemon over UDP loopback: pass or fail, and how fast.
+    """Try it on this machine: pass or fail, and how fast it is.
 
-    Needs no vehicle and no network. Ends with status 1 when something failed.
+    A synthetic aircraft flies into the daemon over UDP loopback: no vehicle and no network is
+    needed. Ends with status 1 when something failed.
     """
     from monitor.commands.trial_table import outcome_table
 

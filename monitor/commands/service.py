@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from monitor.commands.common import Profile, Refused, load_settings
+from monitor.commands.helping import App
 
 if TYPE_CHECKING:
     from monitor.service.installation import Step
 
 __all__ = ["app"]
 
-app = typer.Typer(
-    help="Install the monitor as a systemd service, or take it away.", no_args_is_help=True
-)
+app = App(help="Install the monitor as a systemd service, or take it away.")
 
 SYSTEMD_RUNS = Path("/run/systemd/system")
 DEFAULT_INPUT = "udpin:0.0.0.0:14550"

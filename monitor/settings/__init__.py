@@ -6,14 +6,13 @@ airframe class (``monitor/profiles/*.toml``), and the user's own file.
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from monitor.settings.air import AirSettings
 from monitor.settings.base import Section
@@ -26,6 +25,7 @@ from monitor.settings.links import LinkSettings
 from monitor.settings.log import LogSettings
 from monitor.settings.mute import MuteSettings
 from monitor.settings.phase import PhaseSettings
+from monitor.settings.problems import problems
 from monitor.settings.publish import PublishSettings
 from monitor.settings.recorder import RecorderSettings
 from monitor.settings.security import SecuritySettings
@@ -52,7 +52,21 @@ DEFAULT_PROFILE = PROFILES[0]
 
 
 class SettingsError(ValueError):
-    """A configuration that cannot be used, in one plain sentence."""
+    """A configuration that cannot be used, in one plain sentence.
+
+    Parameters
+    ----------
+    problems
+        Every problem, a sentence each; the error itself says the first, and how many more.
+    """
+
+    def __init__(self, *problems: str) -> None:
+        self.problems = problems
+        more = len(problems) - 1
+        one = "one more problem is" if more == 1 else f"{more} more problems are"
+        super().__init__(
+            f"{problems[0]} ({one} listed by `mavsentry config check`)" if more else problems[0]
+        )
 
 
 class Settings(Section):
@@ -134,7 +148,7 @@ def _validated(own: Mapping[str, Any], profile: str | None, file: Path | None) -
     try:
         return Settings.model_validate(values)
     except ValidationError as error:
-        raise SettingsError(_sentence(error, file)) from None
+        raise SettingsError(*problems(error, Settings, file)) from None
 
 
 def origins(profile: str | None = None, file: Path | None = None) -> dict[str, str]:
@@ -177,7 +191,8 @@ def _read(file: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise SettingsError(f"cannot read {file}: {error.strerror}") from None
+        hint = "; `mavsentry config init` writes one" if not file.exists() else ""
+        raise SettingsError(f"cannot read {file}: {error.strerror}{hint}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{file} is not valid TOML: {error}") from None
 
@@ -201,28 +216,3 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             out[prefix + key] = value
     return out
-
-
-def _sentence(error: ValidationError, file: Path | None) -> str:
-    """The first problem of a validation error, as a person would say it."""
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    where = f"{file}: " if file is not None else ""
-    if first["type"] != "extra_forbidden":
-        said = first["msg"].removeprefix("Value error, ")
-        given = first["input"]
-        shown = "" if isinstance(given, Mapping | BaseModel) else f" = {given!r}"
-        return f"{where}{key}{shown}: {said}"
-    known = _known_keys(Settings, first["loc"][:-1])
-    near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]}?" if near else f"; known are {', '.join(known)}"
-    return f"{where}there is no key {key}{hint}"
-
-
-def _known_keys(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    for part in path:
-        annotation = model.model_fields[str(part)].annotation
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            return []
-        model = annotation
-    return list(model.model_fields)

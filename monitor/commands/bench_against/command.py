@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import (
     ConfigFile,
     Profile,
@@ -29,7 +30,11 @@ __all__ = ["against"]
 def against(
     logs: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG...", help="Telemetry logs (.tlog), or folders of them."),
+        typer.Argument(
+            metavar="LOG...",
+            help="Telemetry logs (.tlog), or folders of them.",
+            autocompletion=completing.logs,
+        ),
     ],
     truth: Annotated[
         Path | None,
@@ -54,10 +59,7 @@ def against(
     profile: Profile = None,
     config: ConfigFile = None,
 ) -> None:
-    """Compare with ArduPilot's and PX4's own checks, and with what the autopilot said.
-
-    Example: mavsentry bench against flights/ --truth flights/expected.json --out against
-    """
+    """Compare with ArduPilot's and PX4's own checks, and with what the autopilot said."""
     from estimators.jit import is_cold
     from monitor.warmup import COMPILING
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from monitor.commands import completing
 from monitor.commands.common import Profile, Refused, console, load_settings, note, progress
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def detect(
             metavar="[LOG...]",
             help="Healthy recorded flights (.tlog), several of each airframe; those of one folder "
             "are taken for one airframe.",
+            autocompletion=completing.logs,
         ),
     ] = None,
     out: Annotated[
@@ -89,8 +91,6 @@ def detect(
     """Find the smallest step and ramp of each sensor that is found within 10, 30 and 60 s.
 
     Faults are injected into synthetic and recorded flights. PROFILE is for the recorded ones.
-
-    Example: mavsentry bench detect flights/*.tlog --out docs
     """
     from estimators.jit import is_cold
     from monitor.commands.bench_detect.campaign import Kept, Plan, parts_of, run_all

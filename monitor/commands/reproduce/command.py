@@ -64,8 +64,6 @@ def reproduce(
 
     Prints our numbers beside the papers' and says where a claim holds, where not and why. What is
     finished stays in DIR: the same command continues after an interruption.
-
-    Example: mavsentry reproduce wang2020 --out papers
     """
     from importlib.metadata import version
 
