@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.patches import Ellipse
 
-from drawing.flights import judged
+from drawing.flights import Judged, judged
 from drawing.style import GREY, MEASURED, OTHER, RECONSTRUCTED, TRUE, canvas, save
 from estimators.air_data_3d import SCALE
 from monitor.commands.reproduce.study import Job
@@ -158,15 +158,16 @@ def drift(path: Path) -> None:
     save(figure, path)
 
 
-def _lone_vane(size_deg: float) -> Callable[[dict[str, Any]], None]:
-    """Leaves the light aircraft one vane, which is off by so much for half a minute."""
+@cache
+def lone_vane(size_deg: float) -> Judged:
+    """The light aircraft with one vane, which is off by so much for half a minute."""
 
     def change(table: dict[str, Any]) -> None:
         table["aoa"]["count"] = 1
         fault = {"sensor": "aoa0", "kind": "bias", "size_deg": size_deg}
         table["fault"] = [fault | {"start_s": 130.0, "end_s": 160.0}]
 
-    return change
+    return judged("light-aircraft-vane", "light-aircraft", change)
 
 
 def vane(path: Path) -> None:
@@ -175,7 +176,7 @@ def vane(path: Path) -> None:
     begin, end = 120.0, 185.0
     limits = load("light-aircraft").vane
     for size_deg, colour in ((3.0, OTHER), (4.5, MEASURED)):
-        it = judged("light-aircraft-vane", "light-aircraft", _lone_vane(size_deg))
+        it = lone_vane(size_deg)
         t, aoa = it.rows("aoa0", "aoa_rad")
         expected = np.interp(t, *it.estimate("air_expected", "aoa0_rad"))
         inside = (t > begin) & (t < end)
