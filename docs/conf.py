@@ -26,6 +26,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
+    "breaks",
     "mathml",
 ]
 exclude_patterns = ["_build", "_site"]

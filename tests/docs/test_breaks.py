@@ -1,0 +1,31 @@
+"""Where names in the site's tables may break."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+SITE = Path(__file__).parents[2] / "docs" / "_site"
+
+
+@pytest.fixture(scope="module")
+def breaks():
+    spec = importlib.util.spec_from_file_location("breaks", SITE / "breaks.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("body", "made"),
+    [
+        ("<td>MAV_CMD_SET_MESSAGE</td>", "<td>MAV_<wbr>CMD_<wbr>SET_<wbr>MESSAGE</td>"),
+        ("<th><b>air/of_it.parquet</b></th>", "<th><b>air/<wbr>of_<wbr>it.<wbr>parquet</b></th>"),
+        ("<p>MAV_CMD_SET_MESSAGE</p>", "<p>MAV_CMD_SET_MESSAGE</p>"),
+        ("<td>0.35 of it_all</td>", "<td>0.35 of it_all</td>"),
+        ('<td><a href="a_long/path.html">b</a></td>', '<td><a href="a_long/path.html">b</a></td>'),
+        ("<td>__long_beginning__</td>", "<td>__<wbr>long_<wbr>beginning__</td>"),
+    ],
+)  # fmt: skip
+def test_long_names_break_in_cells_alone(breaks, body, made):
+    assert breaks.broken(body) == made
