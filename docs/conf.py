@@ -26,8 +26,8 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
-    "breaks",
     "mathml",
+    "narrow",
 ]
 exclude_patterns = ["_build", "_site"]
 root_doc = "index"

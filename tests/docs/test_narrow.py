@@ -1,4 +1,4 @@
-"""Where names in the site's tables may break."""
+"""Where names in the site's tables may break; pictures that open."""
 
 import importlib.util
 from pathlib import Path
@@ -9,8 +9,8 @@ SITE = Path(__file__).parents[2] / "docs" / "_site"
 
 
 @pytest.fixture(scope="module")
-def breaks():
-    spec = importlib.util.spec_from_file_location("breaks", SITE / "breaks.py")
+def narrow():
+    spec = importlib.util.spec_from_file_location("narrow", SITE / "narrow.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -27,5 +27,12 @@ def breaks():
         ("<td>__long_beginning__</td>", "<td>__<wbr>long_<wbr>beginning__</td>"),
     ],
 )  # fmt: skip
-def test_long_names_break_in_cells_alone(breaks, body, made):
-    assert breaks.broken(body) == made
+def test_long_names_break_in_cells_alone(narrow, body, made):
+    assert narrow.broken(body) == made
+
+
+def test_a_picture_is_a_link_to_itself(narrow):
+    picture = '<img alt="a flight" src="_images/flight.png" />'
+    made = narrow.opening(f"<p>{picture}</p>")
+    assert made.startswith('<p><a class="picture" href="_images/flight.png"')
+    assert picture in made
