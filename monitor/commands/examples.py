@@ -119,7 +119,7 @@ EXAMPLES: Mapping[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "bench": (
-        ("mavsentry bench --only pipeline --json speed.json", "One part, and its numbers."),
+        ("mavsentry bench --only=pipeline --json=speed.json", "One part, and its numbers."),
         ("mavsentry bench", "All of them, several minutes."),
     ),
     "bench detect": (

@@ -154,7 +154,7 @@ def near_keys(typed: str) -> list[str]:
     names = [key.name for key, _ in keys_of()]
     last = typed.rpartition(".")[2]
     same = [name for name in names if name.rpartition(".")[2] == last]
-    return same or difflib.get_close_matches(typed, [*names, *sections_of()], n=3, cutoff=0.5)
+    return same or difflib.get_close_matches(typed, [*names, *sections_of()], n=1, cutoff=0.5)
 
 
 def commented(settings: Settings) -> str:
@@ -167,7 +167,10 @@ def commented(settings: Settings) -> str:
         if key.section != section:
             section = key.section
             lines.append(f"\n[{section}]  # {about}\n")
-        lines += [f"# {text}\n" for text in textwrap.wrap(_told(key, settings), 92)]
+        lines += [
+            f"# {text}\n"
+            for text in textwrap.wrap(_told(key, settings), 92, break_on_hyphens=False)
+        ]
         value = value_at(settings, key.name)
         value = value.model_dump() if isinstance(value, BaseModel) else value
         lines.append(f"# {key.name.rpartition('.')[2]} = {toml_value(value)}\n")

@@ -32,12 +32,13 @@ _WORDS = {
 def problems(error: ValidationError, model: type[BaseModel], file: Path | None) -> list[str]:
     """A sentence for each thing that is wrong, with the line of the file where it stands."""
     lines = _lines(file)
-    said = []
+    said: dict[str, int] = {}
     for one in error.errors():
         path = [str(part) for part in one["loc"]]
-        where = _where(path, file, lines)
-        said.append(where + _sentence(path, dict(one), model))
-    return list(dict.fromkeys(said))
+        line = _line(path, lines)
+        where = "" if file is None else f"{file}, line {line}: " if line else f"{file}: "
+        said.setdefault(where + _sentence(path, dict(one), model), line)
+    return sorted(said, key=said.__getitem__)
 
 
 def _sentence(path: list[str], one: Mapping[str, Any], model: type[BaseModel]) -> str:
@@ -96,19 +97,17 @@ def _lines(file: Path | None) -> list[str]:
         return []
 
 
-def _where(path: list[str], file: Path | None, lines: list[str]) -> str:
-    """The file and, where it is found, the line that sets the key or opens its section."""
-    if file is None:
-        return ""
+def _line(path: list[str], lines: list[str]) -> int:
+    """Number of the line that sets the key or opens its section; 0 where it is not found."""
     section: list[str] = []
     for number, text in enumerate(lines, 1):
         bare = text.partition("#")[0].strip()
         if header := re.fullmatch(r"\[+\s*([^\[\]]+?)\s*\]+", bare):
             section = [part.strip(" \"'") for part in header[1].split(".")]
             if section == path:
-                return f"{file}, line {number}: "
+                return number
         elif "=" in bare:
             own = [part.strip(" \"'") for part in bare.partition("=")[0].split(".")]
             if section + own == path[: len(section) + len(own)]:
-                return f"{file}, line {number}: "
-    return f"{file}: "
+                return number
+    return 0

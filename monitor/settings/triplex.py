@@ -6,7 +6,7 @@ from monitor.settings.base import Section
 
 __all__ = ["TriplexSettings"]
 
-_SYNTHETIC = "Fitted on healthy synthetic flights of three aircraft classes in turbulence. "
+_SYNTHETIC = "Fitted on healthy synthetic flights of three aircraft classes in turbulence."
 
 
 class TriplexSettings(Section):
