@@ -31,6 +31,8 @@ extensions = [
 ]
 exclude_patterns = ["_build", "_site"]
 root_doc = "index"
+# An option stays `--in` where it stands in a sentence.
+smartquotes = False
 nitpicky = False
 # An owner's pages may come after the tree that lists them.
 suppress_warnings = ["toc.not_readable"]
