@@ -22,7 +22,7 @@ from monitor.learn.flights import vehicle_words
 from monitor.learn.provenance import provenance
 from monitor.pipeline import Pipeline
 from monitor.readback import ReadBack
-from monitor.settings import Settings, changed
+from monitor.settings import Settings, changed, load
 from monitor.traces import Traces
 from monitor.verdict import StepResult, Verdict
 
@@ -52,7 +52,7 @@ class Analysis:
     path
         The log.
     summary
-        ``summary.json`` as a dictionary (DESIGN section 6).
+        ``summary.json`` as a dictionary.
     settings
         The configuration.
     verdicts
@@ -76,6 +76,13 @@ class Analysis:
     def write(self, folder: Path, estimates: Mapping[str, Rows]) -> None:
         """Write ``summary.json`` and ``estimates/`` of a short flight that stands in memory.
 
+        Parameters
+        ----------
+        folder
+            Where they go; made if it is not there.
+        estimates
+            Name -> rows, as of :meth:`monitor.Estimates.joined`.
+
         Raises
         ------
         OSError
@@ -96,6 +103,11 @@ class Analysis:
         estimates
             The folder of Parquet files that :func:`analyze_into` wrote, or the rows themselves.
 
+        Returns
+        -------
+        Path
+            The file.
+
         Raises
         ------
         OSError
@@ -114,8 +126,8 @@ class Analysis:
 
 
 def analyze_log(
-    path: Path,
-    settings: Settings,
+    path: Path | str,
+    settings: Settings | None = None,
     progress: Progress | None = None,
     sink: EstimateSink | None = None,
 ) -> Analysis:
@@ -126,20 +138,26 @@ def analyze_log(
     path
         A log file of a supported format.
     settings
-        Configuration.
+        The configuration; None takes that of :func:`monitor.load_settings`.
     progress
         Called with (bytes read, bytes in all) after each batch.
     sink
         Takes the estimates and the traces of what was measured as they come; without it they are
         dropped.
 
+    Returns
+    -------
+    Analysis
+        The faults, and all else that ``summary.json`` has.
+
     Raises
     ------
-    links.logs.LogError
+    LogError
         The file cannot be read as a log, in one plain sentence.
     OSError
         The sink cannot write.
     """
+    path, settings = Path(path), load() if settings is None else settings
     log = open_log(path, settings.links.decoder_options())
     baselines, traces = BaselineTap(), Traces(settings.engine)
     pipeline = Pipeline(settings, taps=[baselines] if sink is None else [baselines, traces])

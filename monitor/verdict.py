@@ -48,7 +48,7 @@ class Verdict:
     t_us
         Vehicle time at which the state was decided (for a fault: when this sensor was named) [us].
     sensor
-        ``"imu0.acc_x"``, ``"airspeed1"``, ``"aoa0"`` ... (DESIGN section 3).
+        ``"imu0.acc_x"``, ``"airspeed1"``, ``"aoa0"``, ``"spool0"``, ``"wing_left.lift"`` ...
     state
         The new state.
     reason
@@ -57,8 +57,8 @@ class Verdict:
         Shape of the fault, when faulty.
     onset_t_us
         Estimated start of the fault [us], at most ``t_us``.
-    magnitude
-        Measured minus reconstructed at detection, in ``unit`` (SI, rad).
+    magnitude, unit
+        Measured minus reconstructed at detection, and its unit (SI, rad).
     statistic, threshold
         The test statistic and the threshold that it crossed, dimensionless unless the evidence says
         otherwise.
@@ -284,7 +284,16 @@ PHASE_ROW = np.dtype([("seq", "<i8"), ("t_us", "<i8"), ("flying", "?")])
 
 @dataclass(slots=True)
 class StepResult:
-    """What one step of a watch gave: verdicts in time order and new estimate rows per name."""
+    """What became due in one step.
+
+    Attributes
+    ----------
+    verdicts
+        Changes of state, in time order.
+    estimates
+        Name -> new rows: ``air`` of :data:`AIR_ESTIMATE`, ``imu0`` ... of :data:`IMU_ESTIMATE`,
+        ``engine``, ``wing``, and what their tests said.
+    """
 
     verdicts: list[Verdict] = field(default_factory=list)
     estimates: dict[str, Rows] = field(default_factory=dict)

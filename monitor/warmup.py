@@ -72,6 +72,11 @@ def warm_up(settings: Settings, say: Callable[[str], None] = lambda text: None) 
         Which watches are built.
     say
         Told in one sentence when kernels must be compiled first.
+
+    Returns
+    -------
+    float
+        Time taken [s].
     """
     began_s = time.monotonic()
     if is_cold():

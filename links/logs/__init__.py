@@ -46,6 +46,18 @@ _PACKED = {
 def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogReader:
     """Reader of a log file, chosen by its content; where its beginning is damaged, by its name.
 
+    Parameters
+    ----------
+    path
+        A .tlog, .BIN or .ulg file.
+    options
+        How messages become samples; None: as ArduPilot and PX4 send them.
+
+    Returns
+    -------
+    LogReader
+        Iterate it for batches; its ``info`` tells the rest.
+
     Raises
     ------
     LogError

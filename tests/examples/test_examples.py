@@ -1,0 +1,143 @@
+"""Every example runs and shows what it says."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+import threading
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from links.logs import TlogWriter
+from monitor import Monitor
+from sim_feeds import player, scenario
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FLIGHT = "small-uav-pitot-blockage"
+TRIED = {"arrays.py", "embed.py", "real_log.ipynb"}
+BURST = 20
+
+
+def example(name: str) -> ModuleType:
+    spec = spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run_notebook(log: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Execute the notebook's cells in one namespace, as Jupyter does, without a screen."""
+    matplotlib = pytest.importorskip("matplotlib", reason="the notebook draws with matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    monkeypatch.setenv("MAVSENTRY_LOG", str(log))
+    notebook = json.loads((EXAMPLES / "real_log.ipynb").read_text(encoding="utf-8"))
+    names: dict[str, Any] = {"__name__": "__main__"}
+    try:
+        for cell in notebook["cells"]:
+            if cell["cell_type"] == "code":
+                exec(compile("".join(cell["source"]), f"cell {cell['id']}", "exec"), names)
+        names["figures"] = len(pyplot.get_fignums())
+    finally:
+        pyplot.close("all")
+    return names
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[tuple[int, bytes]]:
+    return list(player.frames_of(scenario.load(FLIGHT).fly()))
+
+
+@pytest.fixture(scope="module")
+def log(frames: list[tuple[int, bytes]], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("log") / "flight.tlog"
+    with TlogWriter(file) as writer:
+        for t_us, frame in frames:
+            writer.write(frame, 1_700_000_000_000_000 + t_us)
+    return file
+
+
+def test_none_is_left_out() -> None:
+    assert {path.name for path in EXAMPLES.iterdir() if path.is_file()} == TRIED
+
+
+def test_arrays_of_an_icing_pitot_are_judged() -> None:
+    module = example("arrays")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLES / "arrays.py")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    (found,) = [line for line in done.stdout.splitlines() if " faulty " in line]
+    seconds, _, sensor, _, evidence = found.split(maxsplit=4)
+    assert sensor == "airspeed0"
+    assert module.ONSET_S < float(seconds) < module.ONSET_S + 30.0
+    assert "below what GPS and wind say" in evidence
+
+
+def test_a_vehicle_on_a_port_is_watched(
+    frames: list[tuple[int, bytes]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    watched: list[Monitor] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as place:
+        place.bind(("127.0.0.1", 0))
+        port = place.getsockname()[1]
+    thread = threading.Thread(
+        target=lambda: watched.append(example("embed").main(port, silent_s=2.0)), daemon=True
+    )
+    thread.start()
+    said = ""
+    while "listening" not in said:
+        assert thread.is_alive()
+        thread.join(0.05)
+        said += capsys.readouterr().out
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.connect(("127.0.0.1", port))
+        for at in range(0, len(frames), BURST):
+            link.send(b"".join(frame for _, frame in frames[at : at + BURST]))
+            if at % (50 * BURST) == 0:
+                thread.join(0.02)
+    thread.join(60.0)
+    assert not thread.is_alive()
+    assert watched[0].vehicle is not None
+    told = capsys.readouterr().out
+    assert any("airspeed0" in line and " faulty " in line for line in told.splitlines()), told
+
+
+def test_the_notebook_finds_what_was_broken(
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = run_notebook(log, monkeypatch)
+    assert names["figures"] == 2
+    assert [f["sensor"] for f in names["analysis"].faults] == ["airspeed0", "airspeed1"]
+    assert "airspeed0      " in capsys.readouterr().out
+
+
+def test_the_notebook_on_a_real_flight(
+    shared_data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A T-28 of ALFA whose pitot was dead the whole flight."""
+    (real,) = (shared_data / "alfa").glob("*elevator_failure.tlog")
+    names = run_notebook(real, monkeypatch)
+    assert names["figures"] == 2
+    assert {f["sensor"] for f in names["analysis"].faults} == {"airspeed0"}
+    assert "airspeed0" in capsys.readouterr().out
+
+
+def test_the_notebook_is_kept_without_what_it_said() -> None:
+    notebook = json.loads((EXAMPLES / "real_log.ipynb").read_text(encoding="utf-8"))
+    assert (notebook["nbformat"], notebook["nbformat_minor"]) == (4, 5)
+    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
+    assert len({cell["id"] for cell in notebook["cells"]}) == len(notebook["cells"])
