@@ -23,6 +23,8 @@ ACCENT = re.compile(
     r"<mover>((?:<mrow>)?<mi>[^<]*</mi>(?:</mrow>)?)(<mo[^>]*>&#x(?:002D9|000A8|0005E|0007E|000AF);)"
 )
 """A dot, hat, tilde or bar over a letter, which without ``accent`` is drawn as small as a power."""
+PRIME = re.compile(r"<mi>(&#x0203[2-7];)</mi>")
+"""Small as a power the font's own is hardly seen: site.css takes another font's."""
 FONT = "STIXTwoMath-Regular.ttf"
 log = logging.getLogger(__name__)
 
@@ -36,7 +38,7 @@ def mathml(latex: str, display: str, at: nodes.Node) -> str:
     except Exception as error:
         log.warning("equation %r: %s %s", latex, type(error).__name__, error, location=at)
         return f"<code>{html.escape(latex)}</code>"
-    return ACCENT.sub(r'<mover accent="true">\1\2', found)
+    return PRIME.sub(r'<mi class="prime">\1</mi>', ACCENT.sub(r'<mover accent="true">\1\2', found))
 
 
 def visit_inline(writer: Any, node: nodes.math) -> None:

@@ -39,6 +39,10 @@ def test_an_accent_is_one(mathml):
     assert mathml.mathml(r"\dot{W}", "inline", nodes.math()).count('<mover accent="true">') == 1
 
 
+def test_a_prime_is_seen(mathml):
+    assert mathml.mathml("W_z' = k''", "inline", nodes.math()).count('class="prime"') == 2
+
+
 @pytest.mark.parametrize("latex", [r"\wrongly{x}", r"\left( x", r"a & b", r"x^"])
 def test_what_is_not_understood_is_a_warning(mathml, monkeypatch, latex):
     said = []
