@@ -32,6 +32,7 @@ END_S = 20.0
 
 _LINK = re.compile(r"\b(udpin|udpout|tcp|tcpin):([\w.\-*]*):(\d{2,5})\b")
 _LOCAL = re.compile(r"\b(127\.0\.0\.1|0\.0\.0\.0|localhost):(\d{2,5})\b")
+_LISTENS = re.compile(r"(?:udpin:|tcpin:|--web[ =])127\.0\.0\.1:(\d+)")
 _KEEP = 'code=$?; { declare -px; printf "cd %%q\\n" "$PWD"; } >%s; exit $code'
 _DEFAULTS = (
     ("run", "--in|--config", "--in udpin:127.0.0.1:14550"),
@@ -196,7 +197,7 @@ class Session:
         if lasting.command.expected:
             said = self._said(lasting.output.read_bytes())
             return agrees(lasting.command.expected, said, lasting.numbers, so_far=True)
-        named = re.findall(r"(?:udpin|tcpin|--web 127\.0\.0\.1|--web=127\.0\.0\.1)\S*?:(\d+)", text)
+        named = _LISTENS.findall(text)
         return all(_bound(int(port)) for port in named) and bool(
             named or lasting.output.stat().st_size or lasting.process.poll() == 0
         )

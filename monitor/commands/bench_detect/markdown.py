@@ -79,8 +79,9 @@ def _head(document: Json) -> Iterator[str]:
         "and the bound on false alarms with the healthy hours that it rests on. Made by"
     )
     yield ""
-    yield "```"
-    yield document["command"]
+    yield "<!-- elsewhere: takes long -->"
+    yield "```console"
+    yield f"$ {document['command']}"
     yield "```"
     yield ""
     load = document["machine"]["load_1min"] or 0.0
