@@ -6,7 +6,7 @@ import json
 import socket
 import subprocess
 import sys
-import threading
+import time
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 from links.logs import TlogWriter
-from monitor import Monitor
 from sim_feeds import player, scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -86,32 +85,24 @@ def test_arrays_of_an_icing_pitot_are_judged() -> None:
     assert "below what GPS and wind say" in evidence
 
 
-def test_a_vehicle_on_a_port_is_watched(
-    frames: list[tuple[int, bytes]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    watched: list[Monitor] = []
+def test_a_vehicle_on_a_port_is_watched(frames: list[tuple[int, bytes]]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as place:
         place.bind(("127.0.0.1", 0))
         port = place.getsockname()[1]
-    thread = threading.Thread(
-        target=lambda: watched.append(example("embed").main(port, silent_s=2.0)), daemon=True
-    )
-    thread.start()
-    said = ""
-    while "listening" not in said:
-        assert thread.is_alive()
-        thread.join(0.05)
-        said += capsys.readouterr().out
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+    command = [sys.executable, "-W", "error", str(EXAMPLES / "embed.py"), str(port), "2"]
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as embedded,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link,
+    ):
+        assert embedded.stdout is not None
+        assert embedded.stdout.readline() == f"listening on port {port}\n".encode()
         link.connect(("127.0.0.1", port))
         for at in range(0, len(frames), BURST):
             link.send(b"".join(frame for _, frame in frames[at : at + BURST]))
             if at % (50 * BURST) == 0:
-                thread.join(0.02)
-    thread.join(60.0)
-    assert not thread.is_alive()
-    assert watched[0].vehicle is not None
-    told = capsys.readouterr().out
+                time.sleep(0.02)
+        told = embedded.stdout.read().decode()
+    assert embedded.returncode == 0, told
     assert any("airspeed0" in line and " faulty " in line for line in told.splitlines()), told
 
 
