@@ -56,6 +56,7 @@ NAMES = {
     "ulog": ("decode_ulg", "ulg_rows"),
     "whole": ("pipeline", "start_to_verdict_s", "latency_ms", "latency_all_ms"),
     "fleet": ("fleet_speedup",),
+    "start": ("help_start",),
     "hours": ("analyze", "analyze_two_imus", "analyze_all"),
     "report": ("report_s",),
     "memory": ("analyze_memory",),
@@ -161,6 +162,12 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
         from monitor.commands.bench_cases import ulog
 
         cases += ulog.cases(_ulog(folder))
+    if set(wanted) & set(NAMES["start"]):
+        from monitor.commands.bench_cases import start
+
+        cases += start.cases()
+        if set(wanted) <= set(NAMES["start"]):
+            return cases
     log = log or _synthetic(folder)
     if not log.is_file():
         raise Refused(f"cannot read {log}")
