@@ -48,6 +48,9 @@ FIELDS: Final[Mapping[str, Mapping[str, str]]] = {
 }
 """Fields of classes whose description is one sentence."""
 
+ONE_SENTENCE: Final = 3
+"""Lines of a name of which there is no more to say than a sentence."""
+
 MARK: Final = re.compile(r"(?<=<!-- names -->\n).*?(?=<!-- end of the names -->)", re.DOTALL)
 
 
@@ -210,7 +213,11 @@ def filled(page: str) -> str:
     parts = []
     for heading, names in GROUPS.items():
         parts.append(f"### {heading}\n")
-        parts += [shown(name, getattr(monitor, name)) for name in names]
+        blocks = [shown(name, getattr(monitor, name)) for name in names]
+        short = [block for block in blocks if block.count("\n") == ONE_SENTENCE]
+        parts += [block for block in blocks if block not in short]
+        if short:
+            parts.append("".join("* " + block[5:].replace("\n\n", ": ", 1) for block in short))
     return MARK.sub(lambda _: "\n" + "\n".join(parts) + "\n", page)
 
 
