@@ -21,11 +21,12 @@ sys.path.insert(0, str(PAGE.parents[1]))
 GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Watching a vehicle": ("Monitor", "ArraySource", "warm_up"),
     "What is said": ("StepResult", "Verdict", "State", "Reason", "Kind", "Rejection"),
-    "Analysing logs": ("analyze_log", "Analysis", "Estimates", "EstimateSink"),
-    "Reading logs": ("open_log", "LogReader", "LogInfo", "LogError"),
-    "Settings": ("load_settings", "Settings", "SettingsError", "PROFILES"),
+    "Logs": (
+        *("analyze_log", "Analysis", "Estimates", "EstimateSink"),
+        *("open_log", "LogReader", "LogInfo", "LogError"),
+    ),
+    "Settings, version": ("load_settings", "Settings", "SettingsError", "PROFILES", "__version__"),
     "Samples": ("Batch", "Rows", "QUANTITIES", "DecoderOptions", "Vehicle"),
-    "Version": ("__version__",),
 }
 PLAIN: Final = {
     "PROFILES": "Names of the bundled airframe classes; the first is the default.",
@@ -109,7 +110,9 @@ def is_model(thing: object) -> bool:
 
 def own_init(thing: type) -> bool:
     """Whether a class is made by calling it with arguments of its own."""
-    return "__init__" in vars(thing) and not is_model(thing) and not is_protocol(thing)
+    if "__init__" not in vars(thing) or is_model(thing) or is_protocol(thing):
+        return False
+    return bool(inspect.signature(thing).parameters)
 
 
 def is_protocol(thing: object) -> bool:
