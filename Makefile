@@ -6,7 +6,8 @@ STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 BROWSER_STAMP := $(VENV)/.browser-installed
 PEERS_STAMP := $(VENV)/.peers-installed
-PARALLEL := -n logical --maxprocesses 8 --dist worksteal
+# One process more than processors: tests of the daemon mostly wait for its clock.
+PARALLEL := -n $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1))) --maxprocesses 9 --dist worksteal
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
 .PHONY: install demo docs test test-external lint kernels bench audit clean
