@@ -21,7 +21,7 @@ from monitor.recording import Recording
 from monitor.settings import load
 from sim_feeds import player, scenario
 
-FLIGHTS = [("demo", "transport", 125.0), ("small-uav-pitot-blockage", "small-uav", 175.0)]
+FLIGHTS = [("demo", "transport", 100.0), ("small-uav-pitot-blockage", "small-uav", 175.0)]
 
 
 def decoded(name: str, until_s: float) -> dict[str, Rows]:
