@@ -104,7 +104,7 @@ def invoke(arguments: list[str]) -> int:
             arguments, prog_name="mavsentry", standalone_mode=False
         )
     except _ClickException as error:
-        note(f"mavsentry: {error.format_message()}")
+        note(f"mavsentry: {_usage(error)}")
         return UNUSABLE
     except Refused as error:
         note(f"mavsentry: {error}")
@@ -115,6 +115,15 @@ def invoke(arguments: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     return status if isinstance(status, int) else DONE
+
+
+def _usage(error: Any) -> str:
+    """A complaint about arguments in one line, with where to look if it has no advice itself."""
+    said = " ".join(error.format_message().split()).removesuffix(".")
+    context = getattr(error, "ctx", None)
+    if said.endswith("?") or context is None:
+        return said
+    return f"{said}; `{context.command_path} --help` shows what it takes"
 
 
 def main() -> None:

@@ -145,7 +145,10 @@ def load_injection(path: str | Path) -> Injection:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
+        raise ScenarioError(
+            f"cannot read {path}: {error.strerror}; `mavsentry inject --example` prints one to "
+            "begin with"
+        ) from error
     except UnicodeDecodeError:
         raise ScenarioError(f"{path} is no TOML: it is not text") from None
     return parse_injection(text, str(path))

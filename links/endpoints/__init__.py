@@ -121,7 +121,9 @@ def _read(spec: str) -> tuple[str, str, int]:
         kind, rest = network.groups()
         address = _HOST_PORT.fullmatch(rest)
         if address is None or not 0 <= int(address[3]) <= 65535:
-            raise LinkError(f"{spec} is not of the form {kind}:HOST:PORT")
+            raise LinkError(
+                f"{spec} is not of the form {kind}:HOST:PORT, such as {kind}:{_example(kind)}"
+            )
         kind = "udpin" if kind == "udp" else kind
         return kind, address[1] or address[2], int(address[3])
     if port := _SERIAL.fullmatch(spec.removeprefix("serial:")):
@@ -132,3 +134,9 @@ def _read(spec: str) -> tuple[str, str, int]:
         f"{spec!r} is not a link: give udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, "
         "tcpin:HOST:PORT, /dev/ttyX[:BAUD] or FILE.tlog"
     )
+
+
+def _example(kind: str) -> str:
+    """An address for a link of this kind: all of ours to listen, our own to speak to."""
+    port = 5760 if kind.startswith("tcp") else 14550
+    return f"0.0.0.0:{port}" if kind in ("udpin", "udp", "tcpin") else f"127.0.0.1:{port}"

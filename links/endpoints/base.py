@@ -344,6 +344,16 @@ _REASONS = {
     errno.ETIMEDOUT: "no answer",
 }
 
+_ADVICE = {
+    errno.EADDRINUSE: "end the program that listens there (a second mavsentry, a ground station?) "
+    "or choose another port",
+    errno.EADDRNOTAVAIL: "0.0.0.0 stands for all of its addresses",
+    errno.EAGAIN: "end it, or have it pass the stream on over UDP",
+    errno.EBUSY: "end the program that holds it, or have that pass the stream on over UDP",
+    errno.EISDIR: "name a file in it",
+}
+"""What to do about it, where the link itself knows nothing better."""
+
 _MAY_MEND = {
     errno.EADDRNOTAVAIL,
     errno.ENOENT,
@@ -366,5 +376,6 @@ def plain(name: str, error: Exception, advice: str = "") -> LinkError:
     if isinstance(error, TimeoutError):
         number = errno.ETIMEDOUT
     reason = _REASONS.get(number) or getattr(error, "strerror", None) or error
+    advice = advice or _ADVICE.get(number, "")
     more = f": {advice}" if advice else ""
     return LinkError(f"cannot open {name}: {reason}{more}", may_mend=number in _MAY_MEND)

@@ -189,7 +189,11 @@ class SerialEndpoint(Link):
             if any(sign in device for sign in "*?["):
                 found = sorted(glob.glob(device))
                 if not found:
-                    raise LinkError(f"cannot open {self.name}: no device fits", may_mend=True)
+                    raise LinkError(
+                        f"cannot open {self.name}: no device fits; "
+                        "`ls /dev/serial/by-id` lists those that are there",
+                        may_mend=True,
+                    )
                 device = found[0]
         try:
             return self._serial.serial_for_url(

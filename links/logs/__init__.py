@@ -4,6 +4,8 @@
 then ask ``reader.info``.
 """
 
+import difflib
+from collections import Counter
 from pathlib import Path
 
 from links.clock import UNIX_FROM_US
@@ -30,6 +32,7 @@ __all__ = [
 _ULOG_MAGIC = b"ULog\x01\x12\x35"
 _DATAFLASH_MAGIC = b"\xa3\x95\x80"
 _MAVLINK_MAGIC = b"\xfe\xfd"
+_SUFFIXES = (".tlog", ".bin", ".ulg")
 _LATEST_US = 1 << 52
 """No log was written after the year 2112 [us]."""
 _PACKED = {
@@ -68,11 +71,13 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogRead
         with open(path, "rb") as file:
             head = file.read(16)
     except IsADirectoryError:
-        raise LogError(f"{path} is a directory, not a log file") from None
+        raise LogError(f"{path} is a folder: name the logs in it ({_within(path)})") from None
     except OSError as error:
-        raise LogError(f"cannot read {path}: {error.strerror or error}") from None
+        raise LogError(f"cannot read {path}: {error.strerror or error}{_near(path)}") from None
     if not head:
-        raise LogError(f"{path} is empty")
+        raise LogError(
+            f"{path} is empty: whoever recorded it wrote nothing (disk full, switched off at once?)"
+        )
     for magic, name in _PACKED.items():
         if head.startswith(magic):
             raise LogError(f"{path} is packed ({name}): unpack it first")
@@ -86,7 +91,15 @@ def open_log(path: Path | str, options: DecoderOptions | None = None) -> LogRead
     if suffix == ".ulg":
         return read_ulog(path, options)
     if suffix == ".log" and head.startswith(b"FMT"):
-        raise LogError(f"{path} is a DataFlash log as text; only the binary .BIN can be read")
+        raise LogError(
+            f"{path} is a DataFlash log as text; only the binary .BIN can be read: "
+            "give the one that it was made of"
+        )
+    if suffix not in _SUFFIXES and _is_text(head):
+        raise LogError(
+            f"{path} is text, no flight log; those are .tlog (telemetry), .BIN (ArduPilot) and "
+            ".ulg (PX4)"
+        )
     return read_tlog(path, options)
 
 
@@ -94,3 +107,26 @@ def _stamped(head: bytes) -> bool:
     """Whether a file begins as a telemetry log does: a Unix stamp, then a MAVLink frame."""
     stamp_us = int.from_bytes(head[:8], "big")
     return len(head) > 8 and UNIX_FROM_US <= stamp_us < _LATEST_US and head[8] in _MAVLINK_MAGIC
+
+
+def _near(path: Path) -> str:
+    """A log of nearly the same name beside it, as a question."""
+    try:
+        beside = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(path.name, beside, n=1, cutoff=0.75)
+    return f"; did you mean {path.with_name(near[0])}?" if near and not path.exists() else ""
+
+
+def _within(folder: Path) -> str:
+    """A pattern that fits logs of a folder, of the kind of which there are most."""
+    try:
+        kinds = Counter(e.suffix for e in folder.iterdir() if e.suffix.lower() in _SUFFIXES)
+    except OSError:
+        kinds = Counter()
+    return f"{folder}/*{kinds.most_common(1)[0][0]}" if kinds else "there is none"
+
+
+def _is_text(head: bytes) -> bool:
+    return all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in head)

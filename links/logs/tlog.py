@@ -72,9 +72,9 @@ class TlogReader:
             raise LogError(f"cannot read {path}: {error.strerror or error}") from None
         yield self._note(self.decoder.finish())
         if self.info.messages == 0:
-            raise LogError(f"{path} has no MAVLink message in it")
+            raise LogError(f"{path} has no MAVLink message in it: it is no telemetry log (.tlog)")
         if self.decoder.vehicle is None:
-            raise LogError(f"{path} has no message of a vehicle in it")
+            raise LogError(f"{path} has no message of a vehicle in it, only of others")
 
     def _note(self, batch: Batch) -> Batch:
         info, decoder = self.info, self.decoder

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monitor.commands.common import console
+from monitor.doubts import REFERENCES
 from monitor.report.wording import lasting
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ WIDE = 105
 """Columns of a screen from which on the evidence has a place in the table."""
 
 
-def show(summary: Mapping[str, Any], files: list[Path]) -> None:
-    """The flight in one line, the faults as a table, what was not judged, summary and report."""
+def show(summary: Mapping[str, Any], files: list[Path], doubts: Sequence[str] = ()) -> None:
+    """The flight in one line, doubts, the faults as a table, what was not judged, the files."""
     from monitor.baselines import one_line
 
     log, vehicle = summary["log"], summary["vehicle"]
@@ -32,8 +33,8 @@ def show(summary: Mapping[str, Any], files: list[Path]) -> None:
         soft_wrap=True,
         markup=False,
     )
-    for line in _damage(log):
-        screen.print(f"  {line}", soft_wrap=True)
+    for line in (*_damage(log), *doubts):
+        screen.print(f"  {line}", soft_wrap=True, markup=False)
     if summary["faults"]:
         wide = screen.width >= WIDE
         screen.print(_table(summary["faults"], evidence=wide))
@@ -41,6 +42,8 @@ def show(summary: Mapping[str, Any], files: list[Path]) -> None:
             screen.print(f"  {fault['sensor']}: {fault['evidence']}")
     else:
         watched = [m["sensor"] for m in summary["monitored"] if m["seconds"] > 0]
+        if all(sensor.startswith(REFERENCES) for sensor in watched):
+            watched = []  # only what others are judged by
         screen.print(
             f"  no fault found in {len(watched)} watched sensors"
             if watched

@@ -36,6 +36,8 @@ WORTH_BYTES: Final = 60_000_000
 
 OUT_OF_MEMORY_SIGNAL: Final = 9
 
+ELSEWHERE: Final = "; --out names another folder"
+
 
 @dataclass(frozen=True, slots=True)
 class Task:
@@ -118,6 +120,7 @@ def analyze(
     from estimators.jit import is_cold
     from monitor.analyze import MISSING_REPORT_EXTRA, have_report
     from monitor.commands.analysis_shown import show
+    from monitor.doubts import about_flight
     from monitor.estimate_files import have_parquet
     from monitor.warmup import COMPILING, warm_up
 
@@ -138,7 +141,10 @@ def analyze(
         if outcome.unwritable:
             raise Refused(outcome.why)
         if outcome.summary is not None:
-            show(outcome.summary, outcome.files)
+            doubts = about_flight(
+                outcome.summary, settings.profile, settings.phase.flying_speed_m_s
+            )
+            show(outcome.summary, outcome.files, doubts)
             found = found or bool(outcome.summary["faults"])
         if outcome.why:
             note(f"mavsentry: {outcome.why}")
@@ -183,10 +189,10 @@ def _analyze(task: Task, tell: Tell) -> Outcome:
     except LogError as error:
         return Outcome(why=str(error))
     except OSError as error:
-        why = f"cannot write to {task.folder}: {error.strerror or error}"
+        why = f"cannot write to {task.folder}: {error.strerror or error}{ELSEWHERE}"
         return Outcome(why=why, unwritable=True)
     except MemoryError:
-        return Outcome(why=f"{task.log}: not enough memory")
+        return Outcome(why=f"{task.log}: not enough memory; analyze fewer at once (--jobs 1)")
     except Exception as error:  # a mistake of ours must not cost the other logs
         return Outcome(why=f"{task.log}: {_mistake(error)}")
     why = ""
@@ -194,7 +200,7 @@ def _analyze(task: Task, tell: Tell) -> Outcome:
         try:
             analysis.write_report(task.folder, task.folder / ESTIMATES)
         except OSError as error:
-            why = f"cannot write to {task.folder}: {error.strerror or error}"
+            why = f"cannot write to {task.folder}: {error.strerror or error}{ELSEWHERE}"
             return Outcome(why=why, unwritable=True)
         except Exception as error:  # nor the verdicts on this one
             why = f"{task.log} has no report: {_mistake(error)}"

@@ -170,7 +170,7 @@ def _cases(only: list[str], log: Path | None, folder: Path, minutes: float) -> l
             return cases
     log = log or _synthetic(folder)
     if not log.is_file():
-        raise Refused(f"cannot read {log}")
+        raise Refused(f"cannot read {log}: there is no such file")
     if set(wanted) & set(NAMES["links"]):
         from monitor.commands.bench_cases import links
 

@@ -36,7 +36,7 @@ def demo(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise Refused(f"cannot make {out}: {error.strerror}") from None
+        raise Refused(f"cannot make {out}: {error.strerror}; --out names another folder") from None
     from monitor.analyze import REPORT, have_report
     from monitor.commands.trial import try_out
     from monitor.commands.trial_table import judge, outcome_table

@@ -172,7 +172,10 @@ def _refuse_without_extra(reports: Reports) -> None:
 
     missing = [package for package in PACKAGES if find_spec(package) is None]
     if missing:
-        raise Refused(f"this needs {', '.join(missing)}: pip install 'mavsentry[fleet]'")
+        raise Refused(
+            f"fleet needs packages that are not installed ({', '.join(missing)}): "
+            "pip install 'mavsentry[fleet]'"
+        )
     if reports != Reports.NONE and not have_report():
         raise Refused("--reports needs one more extra: pip install 'mavsentry[fleet,report]'")
 
@@ -205,7 +208,9 @@ def _judged(
     except EngineError as error:
         raise Refused(str(error)) from None
     except OSError as error:
-        raise Refused(f"cannot write to {plan.out}: {error.strerror or error}") from None
+        raise Refused(
+            f"cannot write to {plan.out}: {error.strerror or error}; --out names another"
+        ) from None
 
 
 def _compile(settings: Settings) -> None:

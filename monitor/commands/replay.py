@@ -106,4 +106,4 @@ def _frames(log: Path) -> Iterator[tuple[int, bytes, float]]:
     except OSError as error:
         raise Refused(f"cannot read {log}: {error.strerror}") from None
     if not found:
-        raise Refused(f"{log} has no MAVLink frame in it")
+        raise Refused(f"{log} has no MAVLink frame in it: only telemetry logs (.tlog) are replayed")

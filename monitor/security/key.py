@@ -74,9 +74,12 @@ def read_key(path: Path, *, private: bool = True) -> SigningKey:
         with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
-                raise KeyFileError(f"{path} is not a file")
+                raise KeyFileError(f"{path} is not a file: a key stands in one of its own")
             if private and status.st_uid != os.geteuid():
-                raise KeyFileError(f"{path} belongs to another user; a signing key must be ours")
+                raise KeyFileError(
+                    f"{path} belongs to another user; a signing key must be ours: "
+                    f"sudo chown $USER {path}"
+                )
             if private and stat.S_IMODE(status.st_mode) & 0o077:
                 raise KeyFileError(f"{path} is open to others than its owner; chmod 600 {path}")
             return _key(file.read(_LONGEST + 1), str(path))
@@ -102,7 +105,9 @@ def new_key_file(path: Path) -> None:
         with open(os.open(path, flags, 0o600), "w", encoding="ascii") as file:
             file.write("-".join(groups) + "\n")
     except FileExistsError:
-        raise KeyFileError(f"{path} is there already; a key is not overwritten") from None
+        raise KeyFileError(
+            f"{path} is there already; a key is not overwritten: choose another name"
+        ) from None
     except OSError as error:
         raise KeyFileError(f"cannot write {path}: {error.strerror}") from None
 
@@ -114,7 +119,7 @@ def _key(content: bytes, where: str) -> SigningKey:
     is a passphrase.
     """
     if len(content) > _LONGEST:
-        raise KeyFileError(f"{where} is too long for a signing key")
+        raise KeyFileError(f"{where} is too long for a signing key: is it the right file?")
     try:
         text = content.decode("utf-8").rstrip("\r\n")
     except UnicodeDecodeError:

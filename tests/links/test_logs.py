@@ -248,5 +248,5 @@ def test_a_telemetry_log_is_known_by_its_content_whatever_its_name(tmp_path, fli
 
 
 def test_a_directory_is_refused(tmp_path):
-    with pytest.raises(LogError, match="is a directory"):
+    with pytest.raises(LogError, match="is a folder: name the logs in it"):
         open_log(tmp_path)

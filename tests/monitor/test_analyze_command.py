@@ -99,7 +99,11 @@ def test_without_the_extra_there_is_a_sentence_instead_of_a_report(
 @pytest.mark.parametrize(
     ("error", "status", "said"),
     [
-        (OSError(errno.ENOSPC, "No space left on device"), UNUSABLE, "No space left on device"),
+        (
+            OSError(errno.ENOSPC, "No space left on device"),
+            UNUSABLE,
+            "No space left on device; --out names another folder",
+        ),
         (KeyboardInterrupt(), INTERRUPTED, ""),
     ],
 )
@@ -163,9 +167,10 @@ def test_of_several_logs_each_is_said_in_its_turn(log, tmp_path, capsys, jobs) -
         str(x) for x in logs
     ]
     assert said.err.splitlines() == [
-        f"mavsentry: {empty} is empty",
+        f"mavsentry: {empty} is empty: whoever recorded it wrote nothing "
+        "(disk full, switched off at once?)",
         f"mavsentry: cannot read {none}: No such file or directory",
-        f"mavsentry: {folder} is a directory, not a log file",
+        f"mavsentry: {folder} is a folder: name the logs in it (there is none)",
     ]
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["a", "b", "c"]
 

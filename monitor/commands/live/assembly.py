@@ -83,6 +83,8 @@ class Running:
         Host monotonic time [us].
     unused
         What of the kept parameters could not be used, a sentence; None if all could.
+    began_us
+        When it was put together [us].
     looks
         Each sees the result of every turn.
     """
@@ -101,7 +103,24 @@ class Running:
     checkpoints: Checkpointer
     now_us: Callable[[], int]
     unused: str | None = None
+    began_us: int = 0
     looks: list[Look] = field(default_factory=list)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Why no vehicle is heard, or why it is none to judge."""
+        from links.mavlink.dialect import enum_word
+        from monitor.doubts import about_links, about_vehicle
+
+        vehicle = self.decoder.vehicle
+        if vehicle is not None:
+            wingless = about_vehicle(enum_word("MAV_TYPE", vehicle.type))
+            return [wingless] if wingless else []
+        if self.links.from_file:
+            return []
+        waited_s = (self.now_us() - self.began_us) / 1e6
+        states = self.links.hub.states()[: self.links.inputs]
+        return about_links(states, waited_s, self.decoder.counters.messages)
 
     def beside(self) -> Sequence[str]:
         """The recording, the page's address and what an operator must know, for the screen."""
@@ -111,6 +130,7 @@ class Running:
             said.append(self.recorder.stopped or f"recording {file}")
         return [
             *said,
+            *self.doubts,
             *self.links.hub.notes,
             *self.gate.notes,
             *self.component.notes,
@@ -121,7 +141,8 @@ class Running:
         """What an operator must know now, a sentence each."""
         stopped = self.recorder.stopped if self.recorder is not None else None
         said = [text for text in (stopped, self.unused) if text is not None]
-        return (*said, *self.links.hub.notes, *self.gate.notes, *self.component.notes)
+        notes = (*self.links.hub.notes, *self.gate.notes, *self.component.notes)
+        return (*said, *self.doubts, *notes)
 
 
 def open_links(settings: Settings, stack: ExitStack) -> Links:
@@ -259,6 +280,7 @@ def assemble(
         checkpoints=checkpoints,
         now_us=host.now_us,
         unused=unused,
+        began_us=host.now_us(),
     )
     if page is not None:
         running.looks.append(page.begin(daemon, pipeline, decoder.counters, recorder))
@@ -275,4 +297,7 @@ def _recorder(settings: Settings, stack: ExitStack) -> Recorder | None:
     try:
         return stack.enter_context(Recorder(folder, settings.recorder, settings.links.dialect))
     except OSError as error:
-        raise Refused(f"cannot record in {folder}: {error.strerror}") from None
+        raise Refused(
+            f"cannot record in {folder}: {error.strerror}; --record (or [recorder] folder) "
+            "names another"
+        ) from None

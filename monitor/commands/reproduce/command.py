@@ -115,9 +115,9 @@ def _writable(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise Refused(f"cannot make {out}: {error.strerror}") from None
+        raise Refused(f"cannot make {out}: {error.strerror}; --out names another folder") from None
     if not os.access(out, os.W_OK):
-        raise Refused(f"cannot write into {out}")
+        raise Refused(f"cannot write into {out}: you may not; --out names another folder")
 
 
 def _cores() -> int:
