@@ -163,7 +163,8 @@ def test_without_the_extra_it_says_what_to_install(archive, tmp_path, capsys, mo
     monkeypatch.setattr(command, "find_spec", lambda name: None if name == "dask" else name)
     assert fleet(archive, "--out", tmp_path / "out") == UNUSABLE
     assert capsys.readouterr().err == (
-        "mavsentry: fleet needs packages that are not installed (dask): pip install 'mavsentry[fleet]'\n"
+        "mavsentry: fleet needs packages that are not installed (dask): "
+        "pip install 'mavsentry[fleet]'\n"
     )
 
 
