@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from drawing import air, readme, verdict
+from drawing import air, imu, readme, verdict
 
 PICTURES: Final = Path(__file__).parent / "pictures"
 
@@ -26,6 +26,7 @@ DRAWN: Final[Mapping[str, Callable[[Path], None]]] = {
     "air-bounds.png": air.bounds,
     "air-drift.png": air.drift,
     "air-vane.png": air.vane,
+    "imu-two.png": imu.two,
 }
 """File -> what draws it."""
 
