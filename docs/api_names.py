@@ -49,6 +49,12 @@ FIELDS: Final[Mapping[str, Mapping[str, str]]] = {
 }
 """Fields of classes whose description is one sentence."""
 
+MORE: Final = {
+    "DecoderOptions": "Those of settings: `settings.links.decoder_options()`.",
+    "Settings": "Its tables and keys: [configuration](configuration.md).",
+}
+"""What stands in place of a class's fields."""
+
 ONE_SENTENCE: Final = 3
 """Lines of a name of which there is no more to say than a sentence."""
 
@@ -194,8 +200,8 @@ def shown(name: str, thing: Any) -> str:
     if issubclass(thing, enum.Enum):
         words = ", ".join(f"`{member.name}` *{member.value}*" for member in thing)
         return f"{text}\nMembers, which compare and print as these words: {words}.\n"
-    if is_model(thing):
-        return text + "\nIts tables and keys: [configuration](configuration.md).\n"
+    if name in MORE:
+        return f"{text}\n{MORE[name]}\n"
     together: dict[str, list[str]] = {}
     for field, said in fields(thing).items():
         together.setdefault(markdown(said), []).append(f"`{field}`")

@@ -128,7 +128,7 @@ class Analysis:
 def analyze_log(
     path: Path | str,
     settings: Settings | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
     sink: EstimateSink | None = None,
 ) -> Analysis:
     """Run the pipeline over a log, in memory that does not grow with the log.

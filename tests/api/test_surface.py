@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import subprocess
 import sys
 import tomllib
@@ -101,6 +102,15 @@ def test_the_page_has_every_name_as_the_code_has_it(names: ModuleType) -> None:
     )
     assert "class '" not in page
     assert " at 0x" not in page
+
+
+def test_signatures_speak_of_nothing_that_is_not_public(names: ModuleType) -> None:
+    page = names.PAGE.read_text(encoding="utf-8").partition("<!-- names -->")[2]
+    signatures = re.findall(r"^```text\n(.*)\n```|^\* `(\w+(?:\(.*\).*|: .*))`:", page, re.M)
+    assert len(signatures) > 15
+    spoken = set(re.findall(r"\b[A-Z]\w+", " ".join(map("".join, signatures))))
+    others = {"Any", "ArrayLike", "Callable", "Counter", "Iterable", "Mapping", "None", "Path"}
+    assert spoken <= {*monitor.__all__, *others}
 
 
 @pytest.mark.parametrize("module", ["two_stage_ekf", "triplex", "imkf", "monotone_map"])
