@@ -25,7 +25,20 @@ ACCENT = re.compile(
 """A dot, hat, tilde or bar over a letter, which without ``accent`` is drawn as small as a power."""
 PRIME = re.compile(r"<mi>(&#x0203[2-7];)</mi>")
 """Small as a power the font's own is hardly seen: site.css takes another font's."""
+BAR = re.compile(r"<mo(?: [^>]*)?>(&#x0(?:2225|2016);)</mo>")
+"""Bars of a norm, of which a browser stretches only the first."""
+FUNCTION = re.compile(
+    r"(?<!<msub>)(?<!<msup>)(?<!<mover>)(?<!<munder>)(?<!<mfrac>)(?<!<msubsup>)(?<!<munderover>)"
+    r"(<mi>(?:sin|cos|tan|ln|log|arcsin|arctan)</mi>)(?=<m(?:i|sub|sup|subsup|over)\b)"
+)
+"""A function's name right before its argument, which browsers set without a space."""
 FONT = "STIXTwoMath-Regular.ttf"
+MENDED = (
+    (ACCENT, r'<mover accent="true">\1\2'),
+    (PRIME, r'<mi class="prime">\1</mi>'),
+    (BAR, r'<mo stretchy="false">\1</mo>'),
+    (FUNCTION, r'\1<mspace width="0.17em"/>'),
+)
 log = logging.getLogger(__name__)
 
 
@@ -38,7 +51,9 @@ def mathml(latex: str, display: str, at: nodes.Node) -> str:
     except Exception as error:
         log.warning("equation %r: %s %s", latex, type(error).__name__, error, location=at)
         return f"<code>{html.escape(latex)}</code>"
-    return PRIME.sub(r'<mi class="prime">\1</mi>', ACCENT.sub(r'<mover accent="true">\1\2', found))
+    for wrong, right in MENDED:
+        found = wrong.sub(right, found)
+    return found
 
 
 def visit_inline(writer: Any, node: nodes.math) -> None:

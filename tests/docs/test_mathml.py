@@ -39,6 +39,13 @@ def test_an_accent_is_one(mathml):
     assert mathml.mathml(r"\dot{W}", "inline", nodes.math()).count('<mover accent="true">') == 1
 
 
+def test_a_function_has_a_space_and_a_power_keeps_its_two_parts(mathml):
+    made = mathml.mathml(r"\sin\phi + \cos^2\theta + \tan\hat{x}", "block", nodes.math_block())
+    assert made.count("<mspace") == 2
+    power = ET.fromstring(made).find(".//{http://www.w3.org/1998/Math/MathML}msup")
+    assert len(power) == 2
+
+
 def test_a_prime_is_seen(mathml):
     assert mathml.mathml("W_z' = k''", "inline", nodes.math()).count('class="prime"') == 2
 
