@@ -85,6 +85,7 @@ def test_arrays_of_an_icing_pitot_are_judged() -> None:
     assert "below what GPS and wind say" in evidence
 
 
+@pytest.mark.alone
 def test_a_vehicle_on_a_port_is_watched(frames: list[tuple[int, bytes]]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as place:
         place.bind(("127.0.0.1", 0))
@@ -99,8 +100,8 @@ def test_a_vehicle_on_a_port_is_watched(frames: list[tuple[int, bytes]]) -> None
         link.connect(("127.0.0.1", port))
         for at in range(0, len(frames), BURST):
             link.send(b"".join(frame for _, frame in frames[at : at + BURST]))
-            if at % (50 * BURST) == 0:
-                time.sleep(0.02)
+            if at % (10 * BURST) == 0:  # who reads must keep up: what a full buffer drops is lost
+                time.sleep(0.015)
         told = embedded.stdout.read().decode()
     assert embedded.returncode == 0, told
     assert any("airspeed0" in line and " faulty " in line for line in told.splitlines()), told
