@@ -158,3 +158,32 @@ def test_a_flight_that_the_profile_never_saw_fly_is_said() -> None:
     (said,) = about_flight(monitored(0.0), "transport", 60.0)
     assert "by the profile transport it never flew (ground speed above 60 m/s" in said
     assert about_flight(monitored(5.0), "transport", 60.0) == []
+
+
+def test_config_show_of_a_key_names_every_layer_and_the_one_in_force(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text("[phase]\nflying_speed_m_s = 70.0\n")
+    line = f"config show phase.flying_speed_m_s --profile transport --config {file}"
+    assert invoke(line.split()) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "phase.flying_speed_m_s = 70.0"
+    assert "  in flight: the MAVLink parameter FLY_SPEED" in said
+    assert [row.split() for row in said[-3:]] == [
+        ["default", "9.0"],
+        ["profile", "transport", "60.0"],
+        [str(file), "70.0", "<-", "in", "force"],
+    ]
+    assert invoke(["config", "show", "phase"]) == 0
+    assert all(row.startswith("phase.") for row in capsys.readouterr().out.splitlines())
+
+
+def test_a_commented_file_says_what_the_profile_changed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "s.toml"
+    assert invoke(["config", "init", str(file), "--profile", "transport"]) == 0
+    lines = file.read_text().splitlines()
+    at = lines.index("# flying_speed_m_s = 60.0")
+    assert "without the profile 9.0" in " ".join(x.removeprefix("# ") for x in lines[at - 2 : at])
