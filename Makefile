@@ -10,7 +10,7 @@ PEERS_STAMP := $(VENV)/.peers-installed
 PARALLEL := -n $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1))) --maxprocesses 9 --dist worksteal
 export MAVSENTRY_CACHE_DIR ?= $(abspath $(VENV))/kernels
 
-.PHONY: install demo docs test test-external lint kernels bench audit clean
+.PHONY: install demo docs test test-external lint kernels dist bench audit clean
 
 install: $(STAMP)
 
@@ -26,7 +26,7 @@ $(BENCH_STAMP): $(STAMP)
 	touch $@
 
 $(BROWSER_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[browser]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[browser,dist]'
 	touch $@
 
 # MAVProxy, MAVSDK and node-mavlink, apart from what the daemon uses.
@@ -63,6 +63,10 @@ test: $(STAMP)
 test-external: $(BROWSER_STAMP) $(PEERS_STAMP) kernels
 	tests/browser/install-chromium
 	$(BIN)/pytest $(PARALLEL) --dist loadfile -m external $(if $(SCREENS),--screens $(SCREENS))
+
+# Source distribution and wheel, in dist/.
+dist: $(BROWSER_STAMP)
+	$(BIN)/python -m build
 
 bench: $(BENCH_STAMP)
 	$(BIN)/mavsentry bench --json bench.json

@@ -11,7 +11,7 @@ from monitor.commands.common import Refused, note, progress
 
 __all__ = ["compile_jobs", "warmup"]
 
-PART_MB = 700.0
+PART_MB = 1000.0
 """Memory that one process takes to compile the kernels of a watch, with some to spare [MB]."""
 
 

@@ -60,7 +60,7 @@ def test_the_extras_are_those_of_the_package(monkeypatch):
 
 def test_kernels_are_compiled_by_as_many_as_there_is_memory_for(monkeypatch):
     monkeypatch.setattr("os.cpu_count", lambda: 4)
-    for free_mb, jobs in ((300.0, 1), (1500.0, 2), (8000.0, 4), (float("inf"), 4)):
+    for free_mb, jobs in ((300.0, 1), (2500.0, 2), (8000.0, 4), (float("inf"), 4)):
         monkeypatch.setattr("monitor.commands.warmup._free_mb", lambda mb=free_mb: mb)
         assert compile_jobs(4) == jobs
 
