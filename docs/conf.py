@@ -35,7 +35,6 @@ root_doc = "index"
 smartquotes = False
 nitpicky = False
 # An owner's pages may come after the tree that lists them.
-suppress_warnings = ["toc.not_readable"]
 
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist", "colon_fence"]
 myst_heading_anchors = 4

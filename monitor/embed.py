@@ -25,7 +25,7 @@ class Monitor:
     never an exception: what cannot be used is counted (:attr:`rejected`). It belongs to one thread
     at a time.
 
-    The first use on a machine compiles for a minute or two; :func:`monitor.warm_up` does it ahead.
+    The first use on a machine compiles for some minutes; :func:`monitor.warm_up` does it ahead.
 
     Parameters
     ----------

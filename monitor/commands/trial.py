@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Listener", "Trial", "try_out"]
 
-COMPILE_TIMEOUT_S = 900.0
+COMPILE_TIMEOUT_S = 3600.0
 """Time that the daemon may take to compile its kernels, once on a machine."""
 
 SETTLE_S = 1.0

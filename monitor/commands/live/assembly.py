@@ -36,7 +36,7 @@ __all__ = ["Links", "Running", "assemble", "open_links"]
 SLOW_START_S = 5.0
 """Getting ready for longer than this (kernels were compiled) leaves only old data waiting."""
 
-COMPILING_S = 900.0
+COMPILING_S = 3600.0
 """Compiling kernels on a small computer takes less; the service manager is told to wait."""
 
 Look = Callable[["StepResult"], None]
