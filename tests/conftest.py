@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from links.logs import TlogWriter
+from sim_feeds import player, scenario
 from tests.turns import turn
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -67,3 +69,21 @@ def oracle(shared: Path) -> Path:
     if not path.is_dir():
         pytest.skip("no oracle folder in the shared folder")
     return path
+
+
+@pytest.fixture(scope="session")
+def blockage_frames() -> list[tuple[int, bytes]]:
+    """Frames of a flight of which one pitot breaks, then the other, and their times [us]."""
+    return list(player.frames_of(scenario.load("small-uav-pitot-blockage").fly()))
+
+
+@pytest.fixture(scope="session")
+def blockage_log(
+    blockage_frames: list[tuple[int, bytes]], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The same as a telemetry log."""
+    file = tmp_path_factory.mktemp("blockage") / "flight.tlog"
+    with TlogWriter(file) as writer:
+        for t_us, frame in blockage_frames:
+            writer.write(frame, 1_700_000_000_000_000 + t_us)
+    return file

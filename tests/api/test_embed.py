@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from links.logs import TlogWriter
 from monitor import (
     ArraySource,
     Batch,
@@ -20,23 +19,6 @@ from monitor import (
     load_settings,
     open_log,
 )
-from sim_feeds import player, scenario
-
-FLIGHT = "small-uav-pitot-blockage"
-
-
-@pytest.fixture(scope="module")
-def frames() -> list[tuple[int, bytes]]:
-    return list(player.frames_of(scenario.load(FLIGHT).fly()))
-
-
-@pytest.fixture(scope="module")
-def log(frames: list[tuple[int, bytes]], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("log") / "flight.tlog"
-    with TlogWriter(file) as writer:
-        for t_us, frame in frames:
-            writer.write(frame, 1_700_000_000_000_000 + t_us)
-    return file
 
 
 def told(results: list[StepResult]) -> list[Verdict]:
@@ -44,15 +26,15 @@ def told(results: list[StepResult]) -> list[Verdict]:
 
 
 def test_bytes_batches_and_a_log_give_the_same_verdicts(
-    frames: list[tuple[int, bytes]], log: Path
+    blockage_frames: list[tuple[int, bytes]], blockage_log: Path
 ) -> None:
     live, replay = Monitor(), Monitor(load_settings("small-uav"))
-    stream = b"".join(frame for _, frame in frames)
+    stream = b"".join(frame for _, frame in blockage_frames)
     pieces = [stream[at : at + 1000] for at in range(0, len(stream), 1000)]
     of_bytes = told([live.feed(piece) for piece in pieces] + [live.finish()])
-    of_batches = told([replay.feed(batch) for batch in open_log(log)] + [replay.finish()])
+    of_batches = told([replay.feed(batch) for batch in open_log(blockage_log)] + [replay.finish()])
     estimates = Estimates()
-    analysis = analyze_log(str(log), sink=estimates)
+    analysis = analyze_log(str(blockage_log), sink=estimates)
     assert [v.sensor for v in of_bytes if v.state == "faulty"] == ["airspeed0", "airspeed1"]
     assert [str(v) for v in of_bytes] == [str(v) for v in of_batches]
     assert [str(v) for v in of_batches] == [str(v) for v in analysis.verdicts]

@@ -14,11 +14,7 @@ from typing import Any
 
 import pytest
 
-from links.logs import TlogWriter
-from sim_feeds import player, scenario
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
-FLIGHT = "small-uav-pitot-blockage"
 TRIED = {"arrays.py", "embed.py", "real_log.ipynb"}
 BURST = 20
 
@@ -51,20 +47,6 @@ def run_notebook(log: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return names
 
 
-@pytest.fixture(scope="module")
-def frames() -> list[tuple[int, bytes]]:
-    return list(player.frames_of(scenario.load(FLIGHT).fly()))
-
-
-@pytest.fixture(scope="module")
-def log(frames: list[tuple[int, bytes]], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("log") / "flight.tlog"
-    with TlogWriter(file) as writer:
-        for t_us, frame in frames:
-            writer.write(frame, 1_700_000_000_000_000 + t_us)
-    return file
-
-
 def test_none_is_left_out() -> None:
     assert {path.name for path in EXAMPLES.iterdir() if path.is_file()} == TRIED
 
@@ -86,7 +68,7 @@ def test_arrays_of_an_icing_pitot_are_judged() -> None:
 
 
 @pytest.mark.alone
-def test_a_vehicle_on_a_port_is_watched(frames: list[tuple[int, bytes]]) -> None:
+def test_a_vehicle_on_a_port_is_watched(blockage_frames: list[tuple[int, bytes]]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as place:
         place.bind(("127.0.0.1", 0))
         port = place.getsockname()[1]
@@ -98,8 +80,8 @@ def test_a_vehicle_on_a_port_is_watched(frames: list[tuple[int, bytes]]) -> None
         assert embedded.stdout is not None
         assert embedded.stdout.readline() == f"listening on port {port}\n".encode()
         link.connect(("127.0.0.1", port))
-        for at in range(0, len(frames), BURST):
-            link.send(b"".join(frame for _, frame in frames[at : at + BURST]))
+        for at in range(0, len(blockage_frames), BURST):
+            link.send(b"".join(frame for _, frame in blockage_frames[at : at + BURST]))
             if at % (10 * BURST) == 0:  # who reads must keep up: what a full buffer drops is lost
                 time.sleep(0.015)
         told = embedded.stdout.read().decode()
@@ -108,9 +90,9 @@ def test_a_vehicle_on_a_port_is_watched(frames: list[tuple[int, bytes]]) -> None
 
 
 def test_the_notebook_finds_what_was_broken(
-    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    blockage_log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    names = run_notebook(log, monkeypatch)
+    names = run_notebook(blockage_log, monkeypatch)
     assert names["figures"] == 2
     assert [f["sensor"] for f in names["analysis"].faults] == ["airspeed0", "airspeed1"]
     assert "airspeed0      " in capsys.readouterr().out
