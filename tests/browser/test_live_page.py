@@ -232,7 +232,9 @@ def test_a_hidden_tab_draws_nothing_and_still_tells(daemon, visit):
         "Object.defineProperty(document, 'hidden', { value: true, configurable: true });"
         "document.dispatchEvent(new Event('visibilitychange'))"
     )
-    page.wait_for_timeout(500)
+    spent = None
+    while spent != (spent := page.evaluate("app.painter.spent_ms")):  # what was begun is finished
+        page.wait_for_timeout(1000)
     before = page.evaluate("[app.painter.spent_ms, document.getElementById('clock').textContent]")
     daemon.say(*then(51.0, FAULTY_S + 5.0))
     waits(page, "document.title.startsWith('✕ airspeed0 faulty')")
